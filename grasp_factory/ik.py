@@ -1,0 +1,245 @@
+"""Inverse kinematics of a ``Chain`` within its joint limits; pure functions, no randomness.
+
+Damped least squares with Sugihara's damping (T-RO 27(5), 2011), run for many starts at once.
+Joints that a limit holds back are frozen for that step, so that the others do the work. What
+one start cannot reach, a batch of restarts spread evenly over the joint box does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grasp_factory.geometry import Array
+from grasp_factory.kinematics import Chain
+
+POSITION_TOLERANCE = 1e-6
+"""A posture solves a pose when its tip is at most this far off, in metres."""
+ORIENTATION_TOLERANCE = 1e-6
+"""The same for the angle between the two orientations, in rad."""
+SAME_SOLUTION = 0.1
+"""Postures whose joints all agree to this many rad count as one solution."""
+MAX_JOINT_STEP = 0.2
+"""Largest joint step in rad between waypoints; a change of branch moves a joint much farther."""
+
+# Measured on 540 poses each, from all joints at a limit to singular arms: 23 % of restarts or
+# more reach every pose of the iiwa, 1 % or more every pose of the Panda.
+_RESTARTS = (32, 128, 512)
+_SOLUTION_RESTARTS = 128
+_MAX_ITERATIONS = 60
+# Damping proportional to the squared error keeps convergence quadratic even where the Jacobian
+# loses rank (Fan & Yuan, Computing 74, 2005); any constant floor above 1e-8 stalls there.
+_DAMPING_PER_SQUARED_ERROR = 0.1
+_DAMPING_FLOOR = 1e-10
+_MAX_ITERATION_STEP = 1.0  # rad; farther than this the linearisation says nothing
+_STALL_ITERATIONS = 8  # a start that has not halved its squared error in these is given up
+
+
+@dataclass(frozen=True, slots=True)
+class IKResult:
+    """The best posture found for a pose, and how far its tip is from that pose."""
+
+    joint_positions: Array
+    """Within the joint limits; rad, shape (n,)."""
+    position_error: float
+    """Distance of the tip's origin; metres."""
+    orientation_error: float
+    """Angle of the rotation still missing; rad, in [0, pi]."""
+    success: bool
+    """Whether both errors are within the tolerances of this module."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathResult:
+    """The postures along a Cartesian path, up to the first waypoint that has none."""
+
+    joint_positions: Array
+    """One row for each solved waypoint; rad, shape (S, n), or fewer rows after a failure."""
+    failed_waypoint: int | None
+    """Index of the first waypoint that the arm cannot follow to; None when it follows all."""
+
+    @property
+    def success(self) -> bool:
+        """Whether every waypoint is solved."""
+        return self.failed_waypoint is None
+
+
+def solve_ik(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> IKResult:
+    """Return a posture whose tip is at ``T_base_tip`` (4, 4), preferably close to ``start`` (n,).
+
+    An unreachable pose gives the closest posture found, with ``success`` false.
+    """
+    T_goal = np.asarray(T_base_tip, dtype=np.float64)
+    start = np.asarray(start, dtype=np.float64)
+    found = _descend(chain, T_goal, start[None], enough=1)
+    best = _result(found, 0)
+    if best.success or not _is_in_reach(chain, T_goal):
+        return best
+    first = 0
+    for count in _RESTARTS:
+        found = _descend(chain, T_goal, _spread(chain, first, count), enough=1)
+        if found.converged.any():
+            times = np.where(found.converged, _travel_times(chain, found.q, start), np.inf)
+            return _result(found, int(np.argmin(times)))
+        closest = _result(found, int(np.argmin(_squares(found.error))))
+        best = min(best, closest, key=lambda r: r.position_error**2 + r.orientation_error**2)
+        first += count
+    return best
+
+
+def ik_solutions(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> Array:
+    """Return distinct postures (K, n) that reach a pose (4, 4), the soonest from ``start`` first.
+
+    A redundant arm has a continuum of them; these are samples at least ``SAME_SOLUTION`` apart.
+    K is 0 when the pose is unreachable.
+    """
+    T_goal = np.asarray(T_base_tip, dtype=np.float64)
+    start = np.asarray(start, dtype=np.float64)
+    nearest = solve_ik(chain, T_goal, start)
+    if not nearest.success:
+        return np.empty((0, len(start)))
+    found = _descend(
+        chain, T_goal, _spread(chain, 0, _SOLUTION_RESTARTS), enough=_SOLUTION_RESTARTS
+    )
+    postures = np.vstack([nearest.joint_positions, found.q[found.converged]])
+    postures = postures[np.argsort(_travel_times(chain, postures, start), kind="stable")]
+    distinct: list[int] = []
+    for i, q in enumerate(postures):
+        if np.all(np.abs(postures[distinct] - q).max(axis=-1) > SAME_SOLUTION):
+            distinct.append(i)
+    return np.asarray(postures[distinct])
+
+
+def track_path(
+    chain: Chain, T_path: ArrayLike, start: ArrayLike, *, max_joint_step: float = MAX_JOINT_STEP
+) -> PathResult:
+    """Follow waypoints (S, 4, 4) from the posture ``start`` (n,), each solved from the one before.
+
+    No joint moves more than ``max_joint_step`` rad between waypoints, nor from ``start`` to the
+    first. On a path of short steps that also bounds the way between them: an arm of reach r
+    bows out by about ``r * max_joint_step**2 / 8`` metres.
+    """
+    q = np.asarray(start, dtype=np.float64)
+    waypoints = np.asarray(T_path, dtype=np.float64)
+    postures: list[Array] = []
+    for index, T_base_tip in enumerate(waypoints):
+        found = _descend(chain, T_base_tip, q[None], enough=1)
+        if not found.converged[0] or np.abs(found.q[0] - q).max() > max_joint_step:
+            return PathResult(np.reshape(postures, (index, q.size)), index)
+        q = found.q[0]
+        postures.append(q)
+    return PathResult(np.reshape(postures, (len(waypoints), q.size)), None)
+
+
+class _Descent(NamedTuple):
+    """Where each of B starts ended."""
+
+    q: Array  # (B, n) rad
+    error: Array  # (B, 6) m and rad, still missing at q
+    converged: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]  # (B,)
+
+
+def _descend(chain: Chain, T_goal: Array, starts: Array, *, enough: int) -> _Descent:
+    """Improve the starts (B, n) until ``enough`` of them are solutions or none gets better."""
+    q = np.clip(starts, chain.lower, chain.upper)
+    end = _Descent(q.copy(), np.full((len(q), 6), np.inf), np.zeros(len(q), dtype=np.bool_))
+    rows = np.arange(len(q))
+    before = np.full(len(q), np.inf)
+    for iteration in range(1, _MAX_ITERATIONS + 1):
+        T, J = chain.fk_and_jacobian(q)
+        error = _pose_errors(T, T_goal)
+        done = _is_within_tolerance(error)
+        end.q[rows], end.error[rows], end.converged[rows] = q, error, done
+        squares = _squares(error)
+        going = ~done
+        if iteration % _STALL_ITERATIONS == 0:
+            going &= squares < 0.5 * before
+            before = squares
+        if np.count_nonzero(end.converged) >= enough or not going.any():
+            break
+        if not going.all():
+            rows, q, J, before = rows[going], q[going], J[going], before[going]
+            error, squares = error[going], squares[going]
+        q = np.clip(q + _damped_step(chain, q, J, error, squares), chain.lower, chain.upper)
+    return end
+
+
+def _damped_step(chain: Chain, q: Array, J: Array, error: Array, squares: Array) -> Array:
+    """Return the step (B, n) in rad that cuts the errors (B, 6) with no joint pushed on a limit."""
+    pull = (J * error[..., None]).sum(axis=-2)
+    is_held = ((q <= chain.lower) & (pull < 0.0)) | ((q >= chain.upper) & (pull > 0.0))
+    J = J * ~is_held[:, None, :]
+    A = J @ np.swapaxes(J, -1, -2)
+    diagonal = np.arange(6)
+    A[:, diagonal, diagonal] += (_DAMPING_PER_SQUARED_ERROR * squares + _DAMPING_FLOOR)[:, None]
+    step = (np.swapaxes(J, -1, -2) @ np.linalg.solve(A, error[..., None]))[..., 0]
+    largest = np.abs(step).max(axis=-1, keepdims=True)
+    return np.asarray(step * (_MAX_ITERATION_STEP / np.maximum(largest, _MAX_ITERATION_STEP)))
+
+
+def _pose_errors(T: Array, T_goal: Array) -> Array:
+    """Return the translation and rotation vector (B, 6) from T (B, 4, 4) to the goal, base axes."""
+    R = T_goal[:3, :3] @ np.swapaxes(T[:, :3, :3], -1, -2)
+    error = np.empty((len(T), 6))
+    error[:, :3] = T_goal[:3, 3] - T[:, :3, 3]
+    error[:, 3] = R[:, 2, 1] - R[:, 1, 2]
+    error[:, 4] = R[:, 0, 2] - R[:, 2, 0]
+    error[:, 5] = R[:, 1, 0] - R[:, 0, 1]
+    sine = 0.5 * np.sqrt(_squares(error[:, 3:]))
+    cosine = 0.5 * (R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2] - 1.0)
+    angle = np.arctan2(sine, cosine)
+    is_small = sine < 1e-7
+    error[:, 3:] *= (0.5 * np.where(is_small, 1.0, angle / np.where(is_small, 1.0, sine)))[:, None]
+    for i in np.flatnonzero(is_small & (cosine < 0.0)):  # half a turn: R + I = 2 axis axis^T
+        columns = R[i] + np.eye(3)
+        axis = columns[:, np.argmax(np.diag(columns))]
+        error[i, 3:] = angle[i] * axis / np.linalg.norm(axis)
+    return error
+
+
+def _squares(v: Array) -> Array:
+    return np.asarray((v * v).sum(axis=-1))
+
+
+def _is_within_tolerance(error: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    return np.asarray(
+        (_squares(error[..., :3]) <= POSITION_TOLERANCE**2)
+        & (_squares(error[..., 3:]) <= ORIENTATION_TOLERANCE**2)
+    )
+
+
+def _result(found: _Descent, row: int) -> IKResult:
+    error = found.error[row]
+    return IKResult(
+        joint_positions=found.q[row].copy(),
+        position_error=float(np.linalg.norm(error[:3])),
+        orientation_error=float(np.linalg.norm(error[3:])),
+        success=bool(found.converged[row]),
+    )
+
+
+def _is_in_reach(chain: Chain, T_goal: Array) -> bool:
+    distance = np.linalg.norm(T_goal[:3, 3] - chain.T_previous_joint[0, :3, 3])
+    return bool(distance <= chain.reach + POSITION_TOLERANCE)
+
+
+def _travel_times(chain: Chain, postures: Array, start: Array) -> Array:
+    """Return the seconds (K,) of the slowest joint from ``start`` to each posture (K, n)."""
+    return np.asarray((np.abs(postures - start) / chain.velocity_limits).max(axis=-1))
+
+
+def _spread(chain: Chain, first: int, count: int) -> Array:
+    """Return ``count`` terms (count, n), from ``first`` on, of a sequence that fills the joint box.
+
+    Roberts' additive recurrence (2018): step by the powers of the generalised golden ratio.
+    """
+    n = len(chain.lower)
+    ratio = 2.0
+    for _ in range(64):
+        ratio = (1.0 + ratio) ** (1.0 / (n + 1))
+    steps = ratio ** -np.arange(1.0, n + 1.0)
+    unit = (0.5 + np.arange(first + 1, first + count + 1)[:, None] * steps) % 1.0
+    return np.asarray(chain.lower + unit * (chain.upper - chain.lower))

@@ -1,0 +1,154 @@
+"""From a grasp to joint motion: straight Cartesian segments, minimum-jerk timing. Pure numpy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.config import MAX_STRETCH, MAX_TRANSFER_S, MotionConfig
+from grasp_factory.episode import Grasp
+from grasp_factory.geometry import Array
+from grasp_factory.ik import ik_solutions, solve_ik, track_path
+from grasp_factory.kinematics import Chain
+
+WAYPOINT_SPACING = 0.02
+"""Metres between IK solutions on a straight segment; joints are interpolated in between."""
+SHORTEST_MOTION_S = 0.15
+"""Even the shortest motion takes this long, so that the arm does not jerk."""
+PEAK_OVER_MEAN = 1.875
+"""Peak over mean speed of a minimum-jerk motion (Flash & Hogan 1985): 15/8."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Joint targets for consecutive physics steps."""
+
+    positions: Array
+    """(S, J) rad; the start is not among them."""
+    velocities: Array
+    """(S, J) rad/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointSegment:
+    """A path in joint space with the time it takes."""
+
+    waypoints: Array
+    """(K, J) rad, at equal steps along the path."""
+    duration: float
+    """Seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraspMotion:
+    """The three motions of an attempt."""
+
+    transfer: JointSegment
+    """From home to the pregrasp."""
+    approach: JointSegment
+    """Straight to the grasp."""
+    lift: JointSegment
+    """Straight up."""
+
+
+def plan_motion(
+    chain: Chain, home: Array, grasp: Grasp, motion: MotionConfig
+) -> GraspMotion | None:
+    """Return the motions that execute a grasp from ``home`` (J,), or None when it is unreachable.
+
+    Unreachable means: no posture within the joint limits from which the arm can follow the
+    straight approach and lift, within ``MAX_TRANSFER_S`` of home and the velocity limits.
+    """
+    path = _GraspPath(chain, home, grasp.T_world_tcp, motion)
+    nearest = solve_ik(chain, path.T_pregrasp, home)
+    if not nearest.success:
+        return None
+    found = path.through(nearest.joint_positions)
+    if found is not None:
+        return found
+    through_others = map(path.through, ik_solutions(chain, path.T_pregrasp, home))
+    return next((found for found in through_others if found is not None), None)
+
+
+def sample(segment: JointSegment, hz: int, record_hz: int) -> Trajectory:
+    """Return the targets of a segment, one for each step at ``hz``, minimum-jerk in time.
+
+    The motion takes a whole number of records, so that these stay evenly spaced; it is never
+    quicker than planned.
+    """
+    steps = math.ceil(segment.duration * record_hz) * (hz // record_hz)
+    tau = np.arange(1, steps + 1) / steps
+    s = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
+    ds_dt = 30.0 * tau**2 * (1.0 - tau) ** 2 / (steps / hz)
+    q, dq_ds = _interpolate(segment.waypoints, s)
+    return Trajectory(q, dq_ds * ds_dt[:, None])
+
+
+class _GraspPath:
+    """The Cartesian path of one grasp, and the joint motions along it."""
+
+    def __init__(self, chain: Chain, home: Array, T_grasp: Array, motion: MotionConfig) -> None:
+        self._chain, self._home, self._motion = chain, home, motion
+        self._limits = chain.velocity_limits * motion.speed_scale
+        self._T_grasp = T_grasp
+        self.T_pregrasp = T_grasp.copy()
+        self.T_pregrasp[:3, 3] -= motion.pregrasp_distance * T_grasp[:3, 2]
+        self._T_lifted = T_grasp.copy()
+        self._T_lifted[2, 3] += motion.lift_height
+
+    def through(self, pregrasp: Array) -> GraspMotion | None:
+        """Return the motions that pass a pregrasp posture (J,), or None when one is impossible."""
+        waypoints = np.stack([self._home, pregrasp])
+        transfer = JointSegment(waypoints, _shortest_duration(waypoints, self._limits))
+        if transfer.duration > MAX_TRANSFER_S:
+            return None
+        settings = self._motion
+        approach = self._straight(pregrasp, self.T_pregrasp, self._T_grasp, settings.approach_speed)
+        if approach is None:
+            return None
+        at_grasp = approach.waypoints[-1]
+        lift = self._straight(at_grasp, self._T_grasp, self._T_lifted, settings.lift_speed)
+        return None if lift is None else GraspMotion(transfer, approach, lift)
+
+    def _straight(
+        self, start: Array, T_start: Array, T_end: Array, speed: float
+    ) -> JointSegment | None:
+        """Return the segment along a straight line without turning, or None when it cannot be."""
+        way = T_end[:3, 3] - T_start[:3, 3]
+        distance = float(np.linalg.norm(way))
+        steps = max(2, int(np.ceil(distance / WAYPOINT_SPACING)))
+        T_path = np.tile(T_start, (steps, 1, 1))
+        T_path[:, :3, 3] += np.arange(1, steps + 1)[:, None] / steps * way
+        path = track_path(self._chain, T_path, start)
+        if not path.success:
+            return None
+        waypoints = np.vstack([start, path.joint_positions])
+        nominal = max(PEAK_OVER_MEAN * distance / speed, SHORTEST_MOTION_S)
+        shortest = _shortest_duration(waypoints, self._limits)
+        if shortest > MAX_STRETCH * nominal:
+            return None
+        return JointSegment(waypoints, max(nominal, shortest))
+
+
+def _shortest_duration(waypoints: Array, limits: Array) -> float:
+    """Return the shortest time in which no joint exceeds its velocity limit, seconds."""
+    s = np.linspace(0.0, 1.0, 8 * len(waypoints))
+    _, dq_ds = _interpolate(waypoints, s)
+    return max(float((np.abs(dq_ds) * PEAK_OVER_MEAN / limits).max()), SHORTEST_MOTION_S)
+
+
+def _interpolate(waypoints: Array, s: Array) -> tuple[Array, Array]:
+    """Return q(s) and dq/ds, (S, J) each, of the cubic Hermite curve through (K, J), s in [0, 1].
+
+    Slopes are finite differences (``numpy.gradient``), so the curve and its slope are continuous.
+    """
+    spans = len(waypoints) - 1
+    slopes = np.gradient(waypoints, axis=0, edge_order=2 if spans > 1 else 1)
+    i = np.minimum((s * spans).astype(int), spans - 1)
+    t = (s * spans - i)[:, None]
+    a, b, m, n = waypoints[i], waypoints[i + 1], slopes[i], slopes[i + 1]
+    q = a + t * (m + t * (3 * (b - a) - 2 * m - n + t * (2 * (a - b) + m + n)))
+    dq_dt = m + t * (2 * (3 * (b - a) - 2 * m - n) + 3 * t * (2 * (a - b) + m + n))
+    return q, dq_dt * spans
