@@ -1,0 +1,41 @@
+"""What a policy is: a pure function from what is seen to ranked grasps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.camera import deproject
+from grasp_factory.episode import GraspPlan, SceneView
+from grasp_factory.geometry import Array, apply, transform
+
+TIP_CLEARANCE = 0.005
+"""Metres that planned fingertips stay above the table."""
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """One way to choose grasps. It never sees the simulator."""
+
+    name: str
+    description: str
+    plan: Callable[[SceneView, np.random.Generator], GraspPlan]
+
+
+def target_points(view: SceneView) -> Array:
+    """Return the target's visible points (K, 3), world frame, metres, over all cameras."""
+    clouds = [np.zeros((0, 3))]
+    for image in view.images.values():
+        points = deproject(image.depth.astype(np.float64), image.intrinsics)
+        seen = image.segmentation == view.target_label
+        clouds.append(apply(image.T_world_camera, points[seen]))
+    return np.vstack(clouds)
+
+
+def looking_down(x: float, y: float, z: float, yaw: float) -> Array:
+    """Return ``T_world_tcp`` (4, 4) that approaches straight down and closes along ``yaw``."""
+    closing = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    approach = np.array([0.0, 0.0, -1.0])
+    return transform(np.column_stack([np.cross(closing, approach), closing, approach]), (x, y, z))

@@ -1,0 +1,86 @@
+"""Downward grasps across narrow places of the target that the depth image shows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from grasp_factory.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.geometry import Array
+from grasp_factory.gripper import Gripper
+from grasp_factory.policies.base import TIP_CLEARANCE, Policy, looking_down, target_points
+
+YAWS = 24
+"""Closing directions that are tried, 7.5 degrees apart over half a turn."""
+OFFSETS = (-0.02, -0.01, 0.0, 0.01, 0.02)
+"""Metres from the target's middle, across the closing direction, at which it may be grasped."""
+RANKED = 8
+"""Grasps that are proposed, the best first."""
+FINGER_CLEARANCE = 0.008
+"""Metres that each pad stays clear of the target on the approach, at the least."""
+OPENING_MARGIN = 0.015
+"""Metres that each pad stays clear of it where the gripper opens far enough."""
+
+
+def plan(view: SceneView, rng: np.random.Generator) -> GraspPlan:
+    """Return downward grasps, those first that span little and lie near the target's middle.
+
+    The target's visible points are cut into strips as wide as a finger; a strip's extent along
+    the closing direction is what the gripper must span there.
+    """
+    del rng  # the same view gives the same plan
+    points = target_points(view)
+    if not len(points):
+        return GraspPlan(grasps=())
+    z = grasp_height(float(points[:, 2].max()), view.gripper)
+    middle = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2.0
+    grasps = [
+        grasp
+        for yaw in np.arange(YAWS) * np.pi / YAWS
+        for grasp in _across(points[:, :2] - middle, yaw, z, middle, view.gripper)
+    ]
+    grasps.sort(key=lambda grasp: -grasp.score)
+    return GraspPlan(grasps=tuple(grasps[:RANKED]))
+
+
+def grasp_height(top: float, gripper: Gripper) -> float:
+    """Return the TCP height for a target whose highest point is at ``top``, metres.
+
+    Half way up the target, as far as the fingertips stay off the table and the palm off the top.
+    """
+    deepest = gripper.tip_distance + TIP_CLEARANCE
+    under_palm = top - gripper.palm_distance + TIP_CLEARANCE
+    return max(deepest, under_palm, top / 2.0)
+
+
+def _across(points: Array, yaw: float, z: float, middle: Array, gripper: Gripper) -> list[Grasp]:
+    """Return the grasps along one closing direction; points (K, 2) are relative to the middle."""
+    closing = np.array([np.cos(yaw), np.sin(yaw)])
+    along = np.array([-closing[1], closing[0]])
+    u, v = points @ closing, points @ along
+    half_strip = gripper.pad_size[0] / 2.0 + FINGER_CLEARANCE
+    grasps = []
+    for offset in OFFSETS:
+        strip = u[np.abs(v - offset) < half_strip]
+        if not len(strip):
+            continue
+        low, high = float(strip.min()), float(strip.max())
+        center = (low + high) / 2.0
+        x, y = middle + center * closing + offset * along
+        needed = high - low + 2.0 * FINGER_CLEARANCE
+        # What does not fit is still proposed, last: a crowded plan beats none.
+        overshoot = max(0.0, needed - gripper.max_width)
+        grasps.append(
+            Grasp(
+                T_world_tcp=looking_down(x, y, z, yaw),
+                width=min(high - low + 2.0 * OPENING_MARGIN, gripper.max_width),
+                score=-(high - low) - abs(center) - abs(offset) - 10.0 * overshoot,
+            )
+        )
+    return grasps
+
+
+TOP_DOWN = Policy(
+    name="top_down",
+    description="straight down across a narrow place near the target's middle",
+    plan=plan,
+)

@@ -1,0 +1,36 @@
+"""Random grasps around the target: the classic random data collection, really executed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from grasp_factory.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.policies.base import TIP_CLEARANCE, Policy, looking_down, target_points
+
+AIM_NOISE = 0.035
+"""Metres: half the side of the square around the target's middle in which the aim is drawn."""
+
+
+def plan(view: SceneView, rng: np.random.Generator) -> GraspPlan:
+    """Return one downward grasp with uniform aim, yaw and depth, and the gripper fully open.
+
+    The depth lies between the deepest that keeps the fingertips off the table and the target's
+    highest visible point.
+    """
+    points = target_points(view)
+    if not len(points):
+        return GraspPlan(grasps=())
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    x, y = (lower[:2] + upper[:2]) / 2.0 + rng.uniform(-AIM_NOISE, AIM_NOISE, size=2)
+    yaw = rng.uniform(-np.pi / 2.0, np.pi / 2.0)
+    deepest = view.gripper.tip_distance + TIP_CLEARANCE
+    z = rng.uniform(deepest, max(deepest, upper[2]))
+    grasp = Grasp(T_world_tcp=looking_down(x, y, z, yaw), width=view.gripper.max_width)
+    return GraspPlan(grasps=(grasp,))
+
+
+UNIFORM = Policy(
+    name="uniform",
+    description="random aim, yaw and depth around the target, straight down",
+    plan=plan,
+)
