@@ -1,0 +1,143 @@
+"""One episode from its recipe: build, settle, look, plan, execute, look again, label."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.attempt import Attempt
+from grasp_factory.episode import (
+    CameraFrames,
+    CameraImage,
+    Episode,
+    EpisodeSpec,
+    Grasp,
+    GraspPlan,
+)
+from grasp_factory.errors import RecipeError, lookup
+from grasp_factory.geometry import Array, matrix_to_quat_xyzw
+from grasp_factory.labels import Measurements, judge, measure
+from grasp_factory.motion import GraspMotion, plan_motion
+from grasp_factory.outcome import Outcome
+from grasp_factory.policies import POLICIES
+from grasp_factory.sampling import Stream, rng_for
+from grasp_factory.scene import Scene, build_scene, observe, settle, take_images
+from grasp_factory.world import World
+
+HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
+"""About the approach axis: for a parallel gripper it is the same grasp with the fingers swapped."""
+
+
+def run_episode(world: World, spec: EpisodeSpec) -> Episode:
+    """Simulate one recipe; the result depends on nothing but the recipe.
+
+    Raises:
+        RecipeError: if an object cannot be loaded or the simulation diverges.
+        UnknownNameError: if the recipe names what the tables do not have.
+    """
+    scene = build_scene(world, spec)
+    object_com = np.array([world.inertial_frame(body).position for body in scene.objects])
+    settled = settle(scene)
+    rest_height = float(scene.com()[2])
+    before = take_images(scene)
+    attempt = Attempt(scene)
+    chosen: Grasp | None = None
+    after = before
+    if settled is not None:
+        outcome = settled
+    else:
+        plan = _plan(scene, before)
+        chosen, motion = choose(scene, plan)
+        if motion is None:
+            outcome = Outcome.UNREACHABLE if plan.grasps else Outcome.NO_PLAN
+        else:
+            assert chosen is not None
+            attempt.run(motion, chosen.width)
+            after = take_images(scene)
+            outcome = Outcome.COLLISION
+    streams = attempt.streams()
+    _refuse_non_finite(streams, spec)
+    if attempt.has_closed:
+        outcome = judge(streams, object_com[0], rest_height, spec.label)
+    measured = measure(streams, object_com[0], rest_height)
+    streams["reward"] = np.zeros(len(streams["timestamp"]), np.float32)
+    streams["reward"][-1:] = outcome is Outcome.SUCCESS
+    return Episode(
+        spec=spec,
+        outcome=outcome,
+        columns=_columns(spec, chosen, measured)
+        | {
+            "object_com": object_com,
+            "rest_height": rest_height,
+            "collision_body": np.uint8(attempt.touched or 0),
+        },
+        cameras={name: _frames(before[name], after[name]) for name in before},
+        streams=streams,
+    )
+
+
+def choose(scene: Scene, plan: GraspPlan) -> tuple[Grasp | None, GraspMotion | None]:
+    """Return the first grasp of a plan that the robot can reach, and the motion to it.
+
+    Of a grasp and its half turn the quicker one is taken. When none can be reached, the first
+    grasp is returned without motion.
+    """
+    robot = scene.robot
+    home = np.array(robot.model.home)
+    for grasp in plan.grasps:
+        options = []
+        for T_world_tcp in (grasp.T_world_tcp, grasp.T_world_tcp @ HALF_TURN):
+            turned = dataclasses.replace(grasp, T_world_tcp=T_world_tcp)
+            motion = plan_motion(robot.chain, home, turned, scene.spec.motion)
+            if motion is not None:
+                options.append((motion.transfer.duration, turned, motion))
+        if options:
+            _, chosen, motion = min(options, key=lambda option: option[0])
+            return chosen, motion
+    return (plan.grasps[0] if plan.grasps else None), None
+
+
+def _plan(scene: Scene, images: Mapping[str, CameraImage]) -> GraspPlan:
+    spec = scene.spec
+    policy = lookup(POLICIES, "policy", spec.policy)
+    return policy.plan(observe(scene, images), rng_for(spec.seed, spec.index, Stream.POLICY))
+
+
+def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> dict[str, Any]:
+    target = spec.objects[0]
+    T = grasp.T_world_tcp if grasp else np.full((4, 4), np.nan)
+    quat: Array = matrix_to_quat_xyzw(T[:3, :3]) if grasp else np.full(4, np.nan)
+    return {
+        "object_id": target.object_id,
+        "object_set": target.object_set,
+        "split": target.split,
+        "policy": spec.policy,
+        "object_mass": target.mass,
+        "grasp_position": T[:3, 3].copy(),
+        "grasp_quat_xyzw": quat,
+        "grasp_width": grasp.width if grasp else float("nan"),
+        "grasp_score": grasp.score if grasp else float("nan"),
+        **{f.name: getattr(measured, f.name) for f in dataclasses.fields(measured)},
+    }
+
+
+def _frames(before: CameraImage, after: CameraImage) -> CameraFrames:
+    return CameraFrames(
+        rgb=np.stack([before.rgb, after.rgb]),
+        depth=np.stack([before.depth, after.depth]),
+        segmentation=np.stack([before.segmentation, after.segmentation]),
+        intrinsics=before.intrinsics,
+        T_world_camera=before.T_world_camera,
+    )
+
+
+def _refuse_non_finite(streams: Mapping[str, NDArray[Any]], spec: EpisodeSpec) -> None:
+    """Raise when the simulation diverged; contact slots are NaN where there is no contact."""
+    for name, values in streams.items():
+        padded = name.startswith("tactile_") and name != "tactile_wrench"
+        if values.dtype.kind == "f" and not padded and not np.isfinite(values).all():
+            raise RecipeError(f"the simulation of episode {spec.index} diverged: {name} not finite")

@@ -1,0 +1,28 @@
+"""Sensors: what is measured while the arm moves. A new one is one file and one row below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from grasp_factory.robots import Robot
+from grasp_factory.sensors.base import Sensor, Tick
+from grasp_factory.sensors.clock import Clock
+from grasp_factory.sensors.encoders import Encoders
+from grasp_factory.sensors.images import capture, make_camera
+from grasp_factory.sensors.tactile import TactilePads
+from grasp_factory.sensors.tracker import ObjectTracker, object_frame
+from grasp_factory.sensors.wrist import WristForceTorque
+from grasp_factory.world import World
+
+LabelOf = Callable[[int, int], int]
+"""(body, link) -> ``Label``."""
+
+SENSORS: Mapping[str, Callable[[World, Robot, tuple[int, ...], LabelOf], Sensor]] = {
+    "clock": lambda world, robot, objects, label_of: Clock(),
+    "encoders": lambda world, robot, objects, label_of: Encoders(world, robot),
+    "tracker": lambda world, robot, objects, label_of: ObjectTracker(world, objects),
+    "tactile": lambda world, robot, objects, label_of: TactilePads(world, robot, label_of),
+    "wrist": lambda world, robot, objects, label_of: WristForceTorque(world, robot),
+}
+
+__all__ = ["SENSORS", "LabelOf", "Sensor", "Tick", "capture", "make_camera", "object_frame"]

@@ -1,0 +1,99 @@
+"""Touch: the contact forces on each finger pad."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.geometry import Array, Pose
+from grasp_factory.robots import Robot
+from grasp_factory.schema import MAX_CONTACTS
+from grasp_factory.sensors.base import Sensor, Tick
+from grasp_factory.world import World
+
+
+class TactilePads(Sensor):
+    """The contact points of both pads with the force that the world exerts there.
+
+    Forces are means over the last physics step. Torsional and rolling friction are not reported
+    by Bullet and so not in the wrench. Points lie one step behind the poses (facts of the engine);
+    at 960 Hz and lift speed that is 0.4 mm.
+    """
+
+    def __init__(self, world: World, robot: Robot, label_of: Callable[[int, int], int]) -> None:
+        self._world, self._robot, self._label_of = world, robot, label_of
+        self._pad_of = {link: i for i, link in enumerate(robot.pads)}
+        self._frames: list[Any] = []
+        self._rows: list[tuple[float, ...]] = []
+
+    def sample(self, tick: Tick) -> None:
+        """Keep the loaded contacts of the pads and the pads' frames."""
+        body, record = self._robot.body, len(self._frames)
+        self._frames.append([(*p, *q) for p, q in self._world.link_frames(body, self._robot.pads)])
+        for c in tick.contacts:
+            if c[9] <= 0.0:  # within the breaking threshold, but not touching
+                continue
+            if c[1] == body and c[3] in self._pad_of:
+                pad, sign, position, other = self._pad_of[c[3]], 1.0, c[5], (c[2], c[4])
+            elif c[2] == body and c[4] in self._pad_of:
+                pad, sign, position, other = self._pad_of[c[4]], -1.0, c[6], (c[1], c[3])
+            else:
+                continue
+            label = self._label_of(*other)
+            self._rows.append(
+                (record, pad, label, sign, *position, *c[7], c[9], c[10], *c[11], c[12], *c[13])
+            )
+
+    def streams(self) -> dict[str, NDArray[Any]]:
+        """Return wrench, points, forces, normals and bodies of the contacts, in pad frames."""
+        samples = len(self._frames)
+        rows = np.array(self._rows, np.float64).reshape(-1, 19)
+        record, pad, label = (rows[:, i].astype(int) for i in range(3))
+        sign, point, normal = rows[:, 3:4], rows[:, 4:7], rows[:, 7:10]
+        force = sign * (normal * rows[:, 10:11] + rows[:, 12:15] * rows[:, 11:12]
+                        + rows[:, 16:19] * rows[:, 15:16])  # fmt: skip
+        T_world_pad = self._pad_frames()
+        R = T_world_pad[record, pad, :3, :3]
+        point = _to_frame(R, point - T_world_pad[record, pad, :3, 3])
+        normal, force = _to_frame(R, sign * normal), _to_frame(R, force)
+
+        wrench = np.zeros((samples, 2, 6))
+        np.add.at(wrench, (record, pad), np.hstack([force, np.cross(point, force)]))
+        slot, kept = _slots(record * 2 + pad, rows[:, 10])
+        where = (record[kept], pad[kept], slot[kept])
+        out: dict[str, NDArray[Any]] = {"tactile_wrench": wrench.astype(np.float32)}
+        for name, values in (("position", point), ("force", force), ("normal", normal)):
+            stream = np.full((samples, 2, MAX_CONTACTS, 3), np.nan, np.float32)
+            stream[where] = values[kept]
+            out[f"tactile_{name}"] = stream
+        bodies = np.zeros((samples, 2, MAX_CONTACTS), np.uint8)
+        bodies[where] = label[kept]
+        return out | {"tactile_body": bodies}
+
+    def _pad_frames(self) -> Array:
+        """Return ``T_world_pad``, (samples, 2, 4, 4)."""
+        offsets = self._robot.pad_offsets()
+        frames = [
+            [Pose(tuple(f[:3]), tuple(f[3:])).matrix() @ offsets[i] for i, f in enumerate(row)]
+            for row in self._frames
+        ]
+        return np.array(frames, np.float64).reshape(-1, 2, 4, 4)
+
+
+def _to_frame(R: Array, vectors: Array) -> Array:
+    """Turn world vectors (S, 3) into frames whose axes are the columns of R (S, 3, 3)."""
+    return np.asarray(np.einsum("sji,sj->si", R, vectors))
+
+
+def _slots(group: NDArray[np.int_], strength: Array) -> tuple[NDArray[np.int_], NDArray[np.bool_]]:
+    """Return each row's place within its group, the strongest first, and whether it is kept."""
+    order = np.lexsort((-strength, group))
+    starts = np.r_[True, group[order][1:] != group[order][:-1]] if len(group) else np.zeros(0, bool)
+    position = np.arange(len(group))
+    first = np.maximum.accumulate(np.where(starts, position, 0))
+    slot = np.empty(len(group), int)
+    slot[order] = position - first
+    return slot, slot < MAX_CONTACTS

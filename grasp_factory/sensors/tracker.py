@@ -1,0 +1,61 @@
+"""Ground truth of the objects' motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.geometry import Array, Pose, inverse
+from grasp_factory.sensors.base import Sensor, Tick
+from grasp_factory.world import World
+
+
+def object_frame(world: World, body: int) -> Pose:
+    """Return the pose of a body's own (URDF) frame in the world; Bullet tracks the COM's."""
+    position, quat = world.com_frame(body)
+    T_world_com = Pose(position, quat).matrix()
+    return Pose.from_matrix(T_world_com @ inverse(world.inertial_frame(body).matrix()))
+
+
+class ObjectTracker(Sensor):
+    """The pose of every object's own frame."""
+
+    def __init__(self, world: World, bodies: Sequence[int]) -> None:
+        self._world, self._bodies = world, bodies
+        self._rows: list[list[Any]] = []
+
+    def sample(self, tick: Tick) -> None:
+        """Read the poses."""
+        self._rows.append([(*p, *q) for p, q in map(self._world.com_frame, self._bodies)])
+
+    def streams(self) -> dict[str, NDArray[Any]]:
+        """Return ``object_pose`` (samples, M, 7)."""
+        poses = np.array(self._rows, np.float64).reshape(-1, len(self._bodies), 7)
+        for m, body in enumerate(self._bodies):
+            frame = self._world.inertial_frame(body)
+            poses[:, m] = _com_to_object(poses[:, m], frame)
+        return {"object_pose": poses.astype(np.float32)}
+
+
+def _com_to_object(poses: Array, com: Pose) -> Array:
+    """Return object frames (S, 7) for inertial frames (S, 7) that sit at ``com`` in the object."""
+    x, y, z, w = com.quat_xyzw
+    quat = _multiply(poses[:, 3:], np.array([-x, -y, -z, w]))
+    offset = _rotate(quat, np.array(com.position))
+    return np.hstack([poses[:, :3] - offset, quat])
+
+
+def _multiply(a: Array, b: Array) -> Array:
+    """Return the quaternion products a * b of (S, 4) and (4,), xyzw."""
+    av, aw, bv, bw = a[:, :3], a[:, 3:], b[:3], b[3]
+    vector = aw * bv + bw * av + np.cross(av, bv)
+    return np.hstack([vector, aw * bw - (av @ bv)[:, None]])
+
+
+def _rotate(quat: Array, v: Array) -> Array:
+    """Return v (3,) turned by each unit quaternion (S, 4), shape (S, 3)."""
+    t = 2.0 * np.cross(quat[:, :3], v)
+    return np.asarray(v + quat[:, 3:] * t + np.cross(quat[:, :3], t))

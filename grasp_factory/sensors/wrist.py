@@ -1,0 +1,40 @@
+"""The wrist's force-torque sensor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.geometry import quat_xyzw_to_matrix
+from grasp_factory.robots import Robot
+from grasp_factory.sensors.base import Sensor, Tick
+from grasp_factory.world import World
+
+
+class WristForceTorque(Sensor):
+    """The load on the flange sensor: what the tool does to it, weight and inertia included.
+
+    A tool of mass m at rest reads a force of m g along gravity; an object held adds its weight.
+    Bullet reports the opposite, what the parent exerts on the child, about the child's centre of
+    mass and in its inertial axes; here it is about the sensor's origin and in the sensor's axes.
+    """
+
+    def __init__(self, world: World, robot: Robot) -> None:
+        self._world, self._robot = world, robot
+        self._rows: list[Any] = []
+
+    def sample(self, tick: Tick) -> None:
+        """Read the joint's reaction."""
+        state = self._world.joint_states(self._robot.body, [self._robot.ft_joint])[0]
+        self._rows.append(state[2])
+
+    def streams(self) -> dict[str, NDArray[Any]]:
+        """Return ``wrist_wrench`` (samples, 6): force N, torque N m."""
+        reaction = np.array(self._rows, np.float64).reshape(-1, 6)
+        com = self._world.inertial_frame(self._robot.body, self._robot.first_tool_link)
+        R = quat_xyzw_to_matrix(com.quat_xyzw)
+        force = -reaction[:, :3] @ R.T
+        torque = -reaction[:, 3:] @ R.T + np.cross(np.array(com.position), force)
+        return {"wrist_wrench": np.hstack([force, torque]).astype(np.float32)}

@@ -1,0 +1,41 @@
+"""Small recipes and a cached set of simulated episodes that several test modules share."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+
+from grasp_factory.config import FactoryConfig
+from grasp_factory.episode import Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.geometry import Pose
+from grasp_factory.rollout import run_episode
+from grasp_factory.sampling import sample_spec
+from grasp_factory.world import World
+
+SMALL = FactoryConfig(resolution=(160, 120))
+"""The default config at a resolution that renders quickly and still shows the target."""
+
+
+def cube_spec(
+    position: tuple[float, float, float] = (0.55, 0.05, 0.026),
+    quat_xyzw: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
+    **changes: object,
+) -> EpisodeSpec:
+    """Return a recipe with the classic cube let go at a pose, grasped by ``top_down``."""
+    cube = ObjectSpec(
+        object_set="classic",
+        object_id="classic/cube",
+        split="train",
+        mass=0.1,
+        lateral_friction=0.5,
+        drop_pose=Pose(position, quat_xyzw),
+    )
+    spec = sample_spec(SMALL, 0)
+    return dataclasses.replace(spec, **{"policy": "top_down", "objects": (cube,), **changes})
+
+
+@cache
+def default_episodes(count: int) -> tuple[Episode, ...]:
+    """Return the first episodes of the default config at low resolution, simulated once."""
+    with World() as world:
+        return tuple(run_episode(world, sample_spec(SMALL, i)) for i in range(count))
