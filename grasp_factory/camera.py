@@ -1,0 +1,98 @@
+"""The pinhole camera: intrinsics, clip matrices for the renderer, metric depth, deprojection.
+
+Camera frames are OpenCV's (+x right, +y down, +z forward); ``opengl_view`` and
+``opengl_projection`` are the one place where they become OpenGL's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.geometry import Array, inverse
+
+# TinyRenderer samples pixel (u, v) at (u + 0, v + 1) of the clip-space grid where OpenGL samples
+# at (u + 0.5, v + 0.5), so the principal point for integer pixel coordinates is (w/2, h/2 - 1).
+TINY_PIXEL_OFFSET = (0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """A pinhole without distortion; pixel coordinates are integers at pixel samples."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @classmethod
+    def from_fov(cls, width: int, height: int, fov_y: float) -> Intrinsics:
+        """Return square-pixel intrinsics for a vertical field of view in radians."""
+        f = height / 2.0 / np.tan(fov_y / 2.0)
+        dx, dy = TINY_PIXEL_OFFSET
+        return cls(width, height, float(f), float(f), width / 2.0 - dx, height / 2.0 - dy)
+
+    def matrix(self) -> Array:
+        """Return K, shape (3, 3), pixels."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Intrinsics, pose and clipping range of one camera."""
+
+    name: str
+    intrinsics: Intrinsics
+    T_world_camera: Array
+    """Shape (4, 4), OpenCV axes."""
+    near: float
+    """Metres."""
+    far: float
+    """Metres."""
+
+    def opengl_view(self) -> Array:
+        """Return the OpenGL view matrix (4, 4): world to camera with +y up, -z forward."""
+        return np.asarray(np.diag([1.0, -1.0, -1.0, 1.0]) @ inverse(self.T_world_camera))
+
+    def opengl_projection(self) -> Array:
+        """Return the OpenGL projection matrix (4, 4)."""
+        k, n, f = self.intrinsics, self.near, self.far
+        P = np.zeros((4, 4))
+        P[0, 0] = 2.0 * k.fx / k.width
+        P[1, 1] = 2.0 * k.fy / k.height
+        P[2, 2], P[2, 3] = -(f + n) / (f - n), -2.0 * f * n / (f - n)
+        P[3, 2] = -1.0
+        return P
+
+
+@dataclass(frozen=True, slots=True)
+class Light:
+    """A directional light. All of it goes into every render, because the renderer remembers."""
+
+    direction: tuple[float, float, float] = (0.6, 0.9, 1.5)
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ambient: float = 0.6
+    diffuse: float = 0.5
+    specular: float = 0.05
+
+
+def zbuffer_to_depth(zbuffer: Array, near: float, far: float) -> Array:
+    """Return metres along the optical axis for z-buffer values in [0, 1], any shape."""
+    return np.asarray(far * near / (far - (far - near) * zbuffer))
+
+
+def deproject(depth: Array, K: Array) -> Array:
+    """Return the points (H, W, 3) in the camera frame, metres, of a depth image (H, W)."""
+    v, u = np.indices(depth.shape)
+    x = (u - K[0, 2]) / K[0, 0] * depth
+    y = (v - K[1, 2]) / K[1, 1] * depth
+    return np.stack([x, y, depth], axis=-1)
+
+
+def project(points: Array, K: Array) -> Array:
+    """Return the pixels (..., 2) as (u, v) of points (..., 3) in the camera frame."""
+    uvw = points @ K.T
+    return np.asarray(uvw[..., :2] / uvw[..., 2:])

@@ -1,0 +1,203 @@
+"""The records that flow through the factory: recipe, view, plan, episode."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.config import (
+    CameraConfig,
+    LabelConfig,
+    MotionConfig,
+    PhysicsConfig,
+    WorkspaceConfig,
+)
+from grasp_factory.geometry import Array, Pose
+from grasp_factory.gripper import Gripper
+from grasp_factory.outcome import Outcome
+from grasp_factory.records import from_plain, to_plain
+from grasp_factory.schema import FIELDS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectSpec:
+    """One object to drop."""
+
+    object_set: str
+    object_id: str
+    split: str
+    """train, val or test: a property of the object, never of the episode."""
+    mass: float
+    """kg."""
+    lateral_friction: float
+    """Coulomb coefficient; the pair's value is the product with the other body's."""
+    drop_pose: Pose
+    """Pose of the object's own frame in the world when it is let go."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EpisodeSpec:
+    """The complete recipe of one episode: running it gives the episode again, byte for byte."""
+
+    index: int
+    seed: int
+    robot: str
+    policy: str
+    objects: tuple[ObjectSpec, ...]
+    """The first one is the target."""
+    cameras: Mapping[str, CameraConfig]
+    resolution: tuple[int, int]
+    record_hz: int
+    workspace: WorkspaceConfig
+    physics: PhysicsConfig
+    motion: MotionConfig
+    label: LabelConfig
+
+    def to_json(self) -> str:
+        """Return the spec as canonical JSON."""
+        return json.dumps(to_plain(self), sort_keys=True, separators=(",", ":"))
+
+    @classmethod
+    def from_json(cls, text: str) -> EpisodeSpec:
+        """Read what ``to_json`` wrote.
+
+        Raises:
+            ConfigError: naming the key that is wrong.
+        """
+        return from_plain(cls, json.loads(text), "spec")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraImage:
+    """What one camera sees at one instant."""
+
+    rgb: NDArray[np.uint8]
+    """(H, W, 3)."""
+    depth: NDArray[np.float32]
+    """(H, W) metres along the optical axis; ``far`` where nothing is seen."""
+    segmentation: NDArray[np.uint8]
+    """(H, W), values of ``Label``."""
+    intrinsics: Array
+    """K, (3, 3) pixels."""
+    T_world_camera: Array
+    """(4, 4), OpenCV axes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneView:
+    """All that a policy may know: plain arrays, never the simulator."""
+
+    images: Mapping[str, CameraImage]
+    joint_positions: Array
+    """(J,) rad."""
+    T_world_tcp: Array
+    """(4, 4)."""
+    gripper: Gripper
+    workspace: WorkspaceConfig
+    """World frame; the table top is z = 0."""
+    target_label: int
+    """The target's value in the segmentation images."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grasp:
+    """A TCP pose to close at: +z approaches, +y closes, the origin lies between the pads."""
+
+    T_world_tcp: Array
+    """(4, 4)."""
+    width: float
+    """Metres between the pads before closing."""
+    score: float = 0.0
+    """The policy's own figure of merit; higher is better."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraspPlan:
+    """Grasps in order of preference; the first that the robot can reach is executed."""
+
+    grasps: tuple[Grasp, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraFrames:
+    """One camera over an episode: frame 0 is before the attempt, 1 after."""
+
+    rgb: NDArray[np.uint8]
+    """(2, H, W, 3)."""
+    depth: NDArray[np.float32]
+    """(2, H, W) metres along the optical axis."""
+    segmentation: NDArray[np.uint8]
+    """(2, H, W)."""
+    intrinsics: Array
+    """(3, 3) pixels."""
+    T_world_camera: Array
+    """(4, 4)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Episode:
+    """One attempt: its recipe, its label, the measurements behind it, images and streams."""
+
+    spec: EpisodeSpec
+    outcome: Outcome
+    columns: Mapping[str, Any]
+    """The row's other scalars and small arrays, by the store's column name (``schema.py``)."""
+    cameras: Mapping[str, CameraFrames]
+    streams: Mapping[str, NDArray[Any]]
+    """Time series by name, each (n_steps, ...), unpadded."""
+
+    @property
+    def success(self) -> bool:
+        """True when physics vouches for the grasp."""
+        return self.outcome is Outcome.SUCCESS
+
+    @property
+    def n_steps(self) -> int:
+        """Records in each stream."""
+        return len(self.streams["timestamp"])
+
+    def contents(self) -> dict[str, NDArray[Any]]:
+        """Return every value of the episode as an array, by path in the store."""
+        out: dict[str, NDArray[Any]] = {
+            "episodes/success": np.asarray(self.success),
+            "episodes/outcome": np.asarray(int(self.outcome), np.uint8),
+            "episodes/n_steps": np.asarray(self.n_steps, np.int32),
+            "episodes/spec": np.asarray(self.spec.to_json()),
+        }
+        for name, value in self.columns.items():
+            path = f"episodes/{name}"
+            out[path] = np.asarray(value, _COLUMN_DTYPES.get(path))
+        for camera, frames in self.cameras.items():
+            for name in frames.__slots__:
+                out[f"cameras/{camera}/{name}"] = getattr(frames, name)
+        return out | {f"streams/{name}": values for name, values in self.streams.items()}
+
+    def checksum(self) -> str:
+        """Return the ``checksum`` of the episode's contents."""
+        return checksum(self.contents())
+
+
+def checksum(contents: Mapping[str, NDArray[Any]]) -> str:
+    """Return a SHA-256 over names, types, shapes and bytes of an episode's contents, as hex.
+
+    It does not depend on padding, chunking or compression.
+    """
+    digest = hashlib.sha256()
+    for path, array in sorted(contents.items()):
+        if array.dtype.kind == "U":
+            data, kind = str(array).encode(), "string"
+        else:
+            data, kind = np.ascontiguousarray(array).data, array.dtype.newbyteorder("<").str  # type: ignore[assignment]
+        digest.update(f"{path} {kind} {array.shape}\n".encode())
+        digest.update(data)
+    return digest.hexdigest()
+
+
+_COLUMN_DTYPES = {row.path: row.dtype for row in FIELDS if row.dtype != "string"}
+"""A column may hold Python numbers; this is what they are in the store."""

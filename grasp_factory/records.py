@@ -1,0 +1,131 @@
+"""Frozen dataclasses to plain data (what JSON and YAML hold) and back, with exact error texts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Mapping
+from enum import Enum
+from functools import cache
+from typing import Any, TypeVar, cast
+
+from grasp_factory.errors import ConfigError, nearest
+
+R = TypeVar("R")
+
+
+def to_plain(value: Any) -> Any:
+    """Return nested dicts, lists and scalars for a record; ``from_plain`` is the inverse."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {key: to_plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_plain(item) for item in value]
+    if isinstance(value, Enum):
+        return value.name.lower()
+    return value
+
+
+def from_plain(cls: type[R], data: Any, where: str = "") -> R:
+    """Build the record ``cls`` from plain data; missing keys take the field's default.
+
+    Raises:
+        ConfigError: for an unknown key (with the nearest valid one), a missing key without
+            default, a wrong type, or a value that the record's own checks refuse.
+    """
+    if not isinstance(data, Mapping):
+        raise ConfigError(f"{where or 'config'}: expected a mapping of keys, got {data!r}")
+    hints = _hints(cast(Any, cls))
+    for key in data:
+        if key not in hints:
+            raise ConfigError(
+                f"unknown key {_join(where, str(key))!r}{nearest(str(key), hints)}"
+                f" (valid: {', '.join(hints)})"
+            )
+    values = {key: _convert(hints[key], item, _join(where, key)) for key, item in data.items()}
+    fields = dataclasses.fields(cast(Any, cls))
+    missing = [f.name for f in fields if f.name not in values and not _optional(f)]
+    if missing:
+        raise ConfigError(f"missing key {_join(where, missing[0])!r}")
+    try:
+        return cls(**values)
+    except ConfigError as error:
+        raise ConfigError(f"{where}.{error}" if where else str(error)) from None
+
+
+def check(ok: bool, key: str, got: Any, valid: str) -> None:
+    """Raise ConfigError, naming the key, what it got and what is valid, unless ``ok``."""
+    if not ok:
+        raise ConfigError(f"{key}: got {got!r}, valid: {valid}")
+
+
+def check_range(record: Any, key: str, low: float, high: float, unit: str = "") -> None:
+    """Check that a record's field lies in [low, high]."""
+    got = getattr(record, key)
+    check(low <= got <= high, key, got, f"{low} to {high} {unit}".strip())
+
+
+def _convert(hint: Any, value: Any, where: str) -> Any:
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        return None if value is None else _convert(args[0], value, where)
+    if dataclasses.is_dataclass(hint):
+        return value if isinstance(value, hint) else from_plain(hint, value, where)  # type: ignore[arg-type]
+    if origin is tuple:
+        return _convert_tuple(args, value, where)
+    if origin in (dict, Mapping):
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"{where}: expected a mapping, got {value!r}")
+        return {str(k): _convert(args[1], v, _join(where, str(k))) for k, v in value.items()}
+    return _convert_scalar(hint, value, where)
+
+
+def _convert_tuple(args: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise ConfigError(f"{where}: expected a list, got {value!r}")
+    if len(args) == 2 and args[1] is Ellipsis:
+        return tuple(_convert(args[0], item, f"{where}[{i}]") for i, item in enumerate(value))
+    if len(value) != len(args):
+        raise ConfigError(f"{where}: expected {len(args)} values, got {len(value)} in {value!r}")
+    pairs = zip(args, value, strict=True)
+    return tuple(_convert(hint, item, f"{where}[{i}]") for i, (hint, item) in enumerate(pairs))
+
+
+def _convert_scalar(hint: Any, value: Any, where: str) -> Any:
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        names = [member.name.lower() for member in hint]
+        if value in names:
+            return hint[str(value).upper()]
+        raise ConfigError(f"{where}: got {value!r}, valid: {', '.join(names)}")
+    if hint is float and type(value) in (int, float):
+        if not math.isfinite(value):
+            raise ConfigError(f"{where}: expected a finite number, got {value!r}")
+        return float(value)
+    if type(value) is hint:  # not isinstance: True is no int here
+        return value
+    raise ConfigError(f"{where}: expected {_TYPE_WORDS.get(hint, hint)}, got {value!r}")
+
+
+_TYPE_WORDS = {
+    int: "an integer",
+    float: "a number",
+    str: "a string",
+    bool: "true or false",
+}
+
+
+@cache
+def _hints(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
+def _optional(field: dataclasses.Field[Any]) -> bool:
+    missing = dataclasses.MISSING
+    return field.default is not missing or field.default_factory is not missing
+
+
+def _join(where: str, key: str) -> str:
+    return f"{where}.{key}" if where else key

@@ -1,0 +1,181 @@
+"""The one table of the store: every array with its dimensions, type, unit, frame and meaning.
+
+Writers, the reader, the checks and the README's table all follow it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from grasp_factory.config import FactoryConfig
+from grasp_factory.outcome import Label, Outcome, Phase, names
+
+FORMAT = "grasp-factory"
+FORMAT_VERSION = 1
+
+MAX_CONTACTS = 12
+"""Contact points kept per pad and record; the strongest stay when there are more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """One array of the store; its first dimension, N, is the episode."""
+
+    path: str
+    """``{camera}`` stands for each camera's name."""
+    dims: tuple[str | int, ...]
+    """Dimensions after N; a letter is looked up in ``sizes``."""
+    dtype: str
+    """A numpy dtype, or ``string``."""
+    units: str = ""
+    frame: str = ""
+    description: str
+    names: tuple[str, ...] = ()
+    """For coded values: the word whose position is the value."""
+    empty: int = 0
+    """What an integer array holds where nothing was recorded, if 0 would be taken for a word."""
+
+    @property
+    def fill(self) -> Any:
+        """What an array holds where nothing was recorded."""
+        if self.dtype == "string":
+            return ""
+        if self.dtype == "bool":
+            return False
+        return float("nan") if np.dtype(self.dtype).kind == "f" else self.empty
+
+    @property
+    def is_stream(self) -> bool:
+        """True for time series, which are padded to the longest attempt."""
+        return self.path.startswith("streams/")
+
+    @property
+    def is_image(self) -> bool:
+        """True for arrays with a frame per chunk."""
+        return self.path.startswith("cameras/") and "H" in self.dims
+
+
+def _f(path: str, dims: tuple[str | int, ...], dtype: str, description: str, **more: Any) -> Field:
+    return Field(path=path, dims=dims, dtype=dtype, description=description, **more)
+
+
+_OUTCOMES, _PHASES, _LABELS = (tuple(names(w)) for w in (Outcome, Phase, Label))
+_STATUS = ("missing", "committed", "quarantined")
+_PAD = "pad: origin at the pad's centre, axes parallel to the TCP frame's"
+_SENSOR = "ft_sensor: at the wrist flange, axes parallel to the TCP frame's"
+
+STATUS = _f("episodes/status", (), "uint8", "commit marker, written last", names=_STATUS)
+CHECKSUM = _f("episodes/checksum", (), "string", "SHA-256 over the episode's contents")
+
+FIELDS: tuple[Field, ...] = (
+    STATUS,
+    CHECKSUM,
+    _f("episodes/success", (), "bool", "the label: outcome is success"),
+    _f("episodes/outcome", (), "uint8", "how the attempt ended", names=_OUTCOMES,
+       empty=255),
+    _f("episodes/spec", (), "string", "JSON recipe: running it gives this episode again"),
+    _f("episodes/error", (), "string", "why the episode is quarantined"),
+    _f("episodes/n_steps", (), "int32", "valid length of the streams"),
+    _f("episodes/object_id", (), "string", "target object"),
+    _f("episodes/object_set", (), "string", "set that the target comes from"),
+    _f("episodes/split", (), "string", "train, val or test, by object"),
+    _f("episodes/policy", (), "string", "policy that planned the grasp"),
+    _f("episodes/object_mass", (), "float64", "mass of the target", units="kg"),
+    _f("episodes/object_com", ("M", 3), "float64", "centre of mass", units="m", frame="object"),
+    _f("episodes/grasp_position", (3,), "float64", "executed (else first planned) TCP position",
+       units="m", frame="world"),
+    _f("episodes/grasp_quat_xyzw", (4,), "float64", "its orientation: +z approaches, +y closes",
+       frame="world"),
+    _f("episodes/grasp_width", (), "float64", "gripper width before closing", units="m"),
+    _f("episodes/grasp_score", (), "float64", "the policy's own figure of merit"),
+    _f("episodes/rest_height", (), "float64", "height of the target's centre of mass at rest",
+       units="m", frame="world"),
+    _f("episodes/lift_height", (), "float64", "rise of the centre of mass at the end", units="m"),
+    _f("episodes/slip_distance", (), "float64",
+       "way of the target's centre of mass in the hand from the end of the closing to the end",
+       units="m", frame="tcp"),
+    _f("episodes/slip_angle", (), "float64", "turn of the target in the hand over the same time",
+       units="rad"),
+    _f("episodes/min_grip_force", (), "float64",
+       "smallest normal force of either pad on the target during the hold", units="N"),
+    _f("episodes/hold_duration", (), "float64", "time held by both pads after the lift", units="s"),
+    _f("episodes/collision_body", (), "uint8", "what was touched, for outcome collision",
+       names=_LABELS),
+    _f("cameras/{camera}/rgb", (2, "H", "W", 3), "uint8", "frame 0 before, 1 after"),
+    _f("cameras/{camera}/depth", (2, "H", "W"), "float32", "along the optical axis", units="m"),
+    _f("cameras/{camera}/segmentation", (2, "H", "W"), "uint8", "scene labels", names=_LABELS),
+    _f("cameras/{camera}/intrinsics", (3, 3), "float64", "K, integer coordinates at pixel samples",
+       units="px"),
+    _f("cameras/{camera}/T_world_camera", (4, 4), "float64", "camera pose, OpenCV axes",
+       units="m", frame="world"),
+    _f("streams/timestamp", ("T",), "float64", "simulation time since the arm started", units="s"),
+    _f("streams/phase", ("T",), "uint8", "part of the attempt", names=_PHASES, empty=255),
+    _f("streams/joint_positions", ("T", "J"), "float32", "measured", units="rad"),
+    _f("streams/joint_velocities", ("T", "J"), "float32", "measured", units="rad/s"),
+    _f("streams/joint_torques", ("T", "J"), "float32", "applied by the motors", units="N m"),
+    _f("streams/joint_position_targets", ("T", "J"), "float32", "commanded", units="rad"),
+    _f("streams/gripper_width", ("T",), "float32", "distance between the pads", units="m"),
+    _f("streams/gripper_width_target", ("T",), "float32", "commanded", units="m"),
+    _f("streams/gripper_force", ("T",), "float32", "closing force of a finger's motor, mean of two",
+       units="N"),
+    _f("streams/tcp_pose", ("T", 7), "float32", "position (m) and quat_xyzw", frame="world"),
+    _f("streams/object_pose", ("T", "M", 7), "float32", "position (m) and quat_xyzw of each object",
+       frame="world"),
+    _f("streams/tactile_wrench", ("T", 2, 6), "float32",
+       "contact wrench of the world on each pad (left, right): force N, torque N m", frame=_PAD),
+    _f("streams/tactile_position", ("T", 2, "P", 3), "float32", "contact points", units="m",
+       frame=_PAD),
+    _f("streams/tactile_force", ("T", 2, "P", 3), "float32", "force on the pad at each point",
+       units="N", frame=_PAD),
+    _f("streams/tactile_normal", ("T", 2, "P", 3), "float32",
+       "unit contact normal, pointing into the pad", frame=_PAD),
+    _f("streams/tactile_body", ("T", 2, "P"), "uint8", "what touches at each point", names=_LABELS),
+    _f("streams/wrist_wrench", ("T", 6), "float32",
+       "load on the flange sensor: tool weight, inertia and contacts; force N, torque N m",
+       frame=_SENSOR),
+    _f("streams/reward", ("T",), "float32", "1 on the last record of a success, else 0"),
+)  # fmt: skip
+
+
+def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
+    """Return the length of each lettered dimension for a config and a robot's joint count."""
+    width, height = config.resolution
+    return {
+        "T": math.ceil(config.motion.longest_attempt_s * config.record_hz),
+        "J": joints,
+        "M": 1,
+        "P": MAX_CONTACTS,
+        "H": height,
+        "W": width,
+    }
+
+
+def expand(config: FactoryConfig) -> tuple[Field, ...]:
+    """Return the fields of a config's store, with one row per camera."""
+    out: list[Field] = []
+    for camera in ("", *config.cameras):
+        for row in FIELDS:
+            if ("{camera}" in row.path) is bool(camera):
+                more = {name: getattr(row, name) for name in row.__slots__}
+                out.append(Field(**more | {"path": row.path.format(camera=camera)}))
+    return tuple(out)
+
+
+def shape(row: Field, size: Mapping[str, int]) -> tuple[int, ...]:
+    """Return a field's dimensions after N as numbers."""
+    return tuple(size[dim] if isinstance(dim, str) else dim for dim in row.dims)
+
+
+def markdown_table() -> str:
+    """Return the store's table as Markdown, for the README."""
+    lines = ["| array | shape | dtype | unit | what |", "|---|---|---|---|---|"]
+    for row in FIELDS:
+        dims = ", ".join(str(dim) for dim in ("N", *row.dims))
+        what = row.description + (f" [{row.frame}]" if row.frame else "")
+        lines.append(f"| `{row.path}` | ({dims}) | {row.dtype} | {row.units} | {what} |")
+    return "\n".join(lines)
