@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera
-from grasp_factory.config import WorkspaceConfig
+from grasp_factory.config import CameraConfig, WorkspaceConfig
 from grasp_factory.episode import CameraImage, EpisodeSpec, SceneView
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.geometry import Array
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS, Robot
-from grasp_factory.sensors import capture, make_camera
+from grasp_factory.sensors import Render, capture, make_camera, render
 from grasp_factory.world import DATA, World
 
 TABLE_CENTER_XY = (0.45, 0.0)
@@ -32,6 +32,9 @@ TABLE_ROLLING_FRICTION = 0.001
 on the objects, because Bullet does not report rolling moments and touch must be whole."""
 TABLE_RGBA = (0.72, 0.55, 0.38, 1.0)
 FLOOR_RGBA = (0.42, 0.44, 0.46, 1.0)
+
+MAX_BACKGROUNDS = 16
+"""Backgrounds kept in memory, 3.4 MB each at 640x480."""
 
 SETTLED_SPEED = 0.005
 """m/s of the centre of mass below which an object counts as still."""
@@ -54,6 +57,8 @@ class Scene:
     labels: NDArray[np.uint8]
     """``Label`` by [body, link + 1]."""
     cameras: Mapping[str, Camera]
+    backgrounds: Mapping[str, Render]
+    """What each camera sees of floor and table, which are hidden in the world itself."""
 
     def label_of(self, body: int, link: int) -> int:
         """Return the ``Label`` of a link."""
@@ -72,15 +77,13 @@ def build_scene(world: World, spec: EpisodeSpec) -> Scene:
         UnknownNameError: if the recipe names a robot or object that the tables do not have.
     """
     world.reset(spec.physics)
-    thickness = TABLE_SIZE[2]
-    floor = world.add_box((4.0, 4.0, 0.05), (0.0, 0.0, -TABLE_HEIGHT - 0.05), FLOOR_RGBA)
-    table = world.add_box(
-        [side / 2.0 for side in TABLE_SIZE], (*TABLE_CENTER_XY, -thickness / 2.0), TABLE_RGBA
-    )
-    for body in (floor, table):
-        world.change_dynamics(
-            body, -1, lateralFriction=TABLE_FRICTION, rollingFriction=TABLE_ROLLING_FRICTION
-        )
+    floor, table = _add_surroundings(world)
+    cameras = {
+        name: make_camera(name, config, spec.resolution) for name, config in spec.cameras.items()
+    }
+    backgrounds = {name: _background(world, spec, camera) for name, camera in cameras.items()}
+    world.hide(floor)
+    world.hide(table)
     robot = Robot(world, lookup(ROBOTS, "robot", spec.robot))
     objects = tuple(_load_object(world, spec, i) for i in range(len(spec.objects)))
     world.seal()
@@ -91,10 +94,42 @@ def build_scene(world: World, spec: EpisodeSpec) -> Scene:
     labels[robot.body, robot.first_tool_link + 1 :] = Label.GRIPPER
     for i, body in enumerate(objects):
         labels[body] = Label.TARGET + i
-    cameras = {
-        name: make_camera(name, config, spec.resolution) for name, config in spec.cameras.items()
-    }
-    return Scene(world, spec, robot, objects, labels, MappingProxyType(cameras))
+    return Scene(
+        world,
+        spec,
+        robot,
+        objects,
+        labels,
+        MappingProxyType(cameras),
+        MappingProxyType(backgrounds),
+    )
+
+
+def _add_surroundings(world: World) -> tuple[int, int]:
+    """Add floor and table and return the bodies."""
+    floor = world.add_box((4.0, 4.0, 0.05), (0.0, 0.0, -TABLE_HEIGHT - 0.05), FLOOR_RGBA)
+    table = world.add_box(
+        [side / 2.0 for side in TABLE_SIZE], (*TABLE_CENTER_XY, -TABLE_SIZE[2] / 2.0), TABLE_RGBA
+    )
+    for body in (floor, table):
+        world.change_dynamics(
+            body, -1, lateralFriction=TABLE_FRICTION, rollingFriction=TABLE_ROLLING_FRICTION
+        )
+    return floor, table
+
+
+_backgrounds: dict[tuple[CameraConfig, tuple[int, int]], Render] = {}
+"""Kept over episodes: floor and table look the same in all of them."""
+
+
+def _background(world: World, spec: EpisodeSpec, camera: Camera) -> Render:
+    """Return a camera's render of floor and table, the only bodies yet."""
+    key = (spec.cameras[camera.name], spec.resolution)
+    if key not in _backgrounds:
+        if len(_backgrounds) >= MAX_BACKGROUNDS:
+            _backgrounds.clear()
+        _backgrounds[key] = render(world, camera)
+    return _backgrounds[key]
 
 
 def _load_object(world: World, spec: EpisodeSpec, i: int) -> int:
@@ -143,7 +178,8 @@ def is_inside(point: Array, workspace: WorkspaceConfig) -> bool:
 def take_images(scene: Scene) -> dict[str, CameraImage]:
     """Render every camera."""
     return {
-        name: capture(scene.world, camera, scene.labels) for name, camera in scene.cameras.items()
+        name: capture(scene.world, camera, scene.backgrounds[name], scene.labels)
+        for name, camera in scene.cameras.items()
     }
 
 

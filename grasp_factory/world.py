@@ -11,7 +11,6 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -62,12 +61,7 @@ class World:
     def __enter__(self) -> World:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -140,6 +134,10 @@ class World:
         body: int = p.createMultiBody(mass, shape, visual, position, physicsClientId=client)
         self.change_dynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
         return body
+
+    def hide(self, body: int) -> None:
+        """Leave a body out of all renders from now on; its physics stay."""
+        p.changeVisualShape(body, -1, rgbaColor=(0, 0, 0, 0), physicsClientId=self._client)
 
     def change_dynamics(self, body: int, link: int, **settings: Any) -> None:
         """Set dynamics by PyBullet's own names (``mass``, ``lateralFriction``, ...)."""

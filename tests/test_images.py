@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from grasp_factory.camera import deproject, project
 from grasp_factory.config import CameraConfig, PhysicsConfig
 from grasp_factory.geometry import Pose, apply, inverse
 from grasp_factory.outcome import Label
+from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling import sample_spec
 from grasp_factory.scene import build_scene, settle, take_images
 from grasp_factory.world import World
@@ -110,3 +113,34 @@ def test_images_have_the_stated_types_and_shapes(world):
     assert (image.rgb.dtype, image.rgb.shape) == (np.uint8, (48, 64, 3))
     assert (image.depth.dtype, image.depth.shape) == (np.float32, (48, 64))
     assert (image.segmentation.dtype, image.segmentation.shape) == (np.uint8, (48, 64))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_compositing_gives_the_full_render_bit_for_bit(world, monkeypatch, robot):
+    """Over robot postures, object poses and cameras, resting contact and occlusion included."""
+    for index in range(8):
+        spec = dataclasses.replace(
+            sample_spec(SMALL, index), cameras=CAMERAS, resolution=(320, 240), robot=robot
+        )
+        images = []
+        for hide in (World.hide, lambda world, body: None):
+            with monkeypatch.context() as patch:
+                patch.setattr(World, "hide", hide)
+                scene = build_scene(world, spec)
+            settle(scene)
+            target = np.array(ROBOTS[robot].home) + np.random.default_rng(index).normal(0, 0.3, 7)
+            scene.robot.command(target.tolist(), [0.0] * 7, 0.05, 240)
+            for _ in range(120):
+                world.step()
+            if hide is World.hide:
+                images.append(take_images(scene))
+            else:
+                nothing = {
+                    name: dataclasses.replace(b, zbuffer=np.full_like(b.zbuffer, np.inf))
+                    for name, b in scene.backgrounds.items()
+                }
+                images.append(take_images(dataclasses.replace(scene, backgrounds=nothing)))
+        for name in CAMERAS:
+            for kind in ("rgb", "depth", "segmentation"):
+                composed, full = (getattr(image[name], kind) for image in images)
+                assert np.array_equal(composed, full), (index, name, kind)

@@ -8,7 +8,7 @@ from grasp_factory.robots import Robot
 from grasp_factory.sensors.base import Sensor, Tick
 from grasp_factory.sensors.clock import Clock
 from grasp_factory.sensors.encoders import Encoders
-from grasp_factory.sensors.images import capture, make_camera
+from grasp_factory.sensors.images import Render, capture, make_camera, render
 from grasp_factory.sensors.tactile import TactilePads
 from grasp_factory.sensors.tracker import ObjectTracker, object_frame
 from grasp_factory.sensors.wrist import WristForceTorque
@@ -25,4 +25,14 @@ SENSORS: Mapping[str, Callable[[World, Robot, tuple[int, ...], LabelOf], Sensor]
     "wrist": lambda world, robot, objects, label_of: WristForceTorque(world, robot),
 }
 
-__all__ = ["SENSORS", "LabelOf", "Sensor", "Tick", "capture", "make_camera", "object_frame"]
+__all__ = [
+    "SENSORS",
+    "LabelOf",
+    "Render",
+    "Sensor",
+    "Tick",
+    "capture",
+    "make_camera",
+    "object_frame",
+    "render",
+]

@@ -1,6 +1,13 @@
-"""Camera capture: RGB, metric depth and stable scene labels."""
+"""Camera capture: RGB, metric depth and stable scene labels.
+
+What never moves is rendered once and composited: with shadows off, a pixel belongs to whatever
+has the smaller z-buffer value, so the result is the full render's, bit for bit (a test holds it
+to that), at a fifth of the time.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +22,27 @@ from grasp_factory.world import World
 _BODY_MASK = (1 << 24) - 1
 
 
+@dataclass(frozen=True, slots=True)
+class Render:
+    """One camera's raw render."""
+
+    rgb: NDArray[np.uint8]
+    """(H, W, 3)."""
+    zbuffer: NDArray[np.float32]
+    """(H, W), 1 where nothing is seen."""
+    mask: NDArray[np.int32]
+    """(H, W): body + (link + 1) * 2^24, or -1."""
+
+    def behind(self, front: Render) -> Render:
+        """Return the composite of this render with another one of the same camera."""
+        nearer = front.zbuffer < self.zbuffer
+        return Render(
+            np.where(nearer[..., None], front.rgb, self.rgb),
+            np.where(nearer, front.zbuffer, self.zbuffer),
+            np.where(nearer, front.mask, self.mask),
+        )
+
+
 def make_camera(name: str, config: CameraConfig, resolution: tuple[int, int]) -> Camera:
     """Return the camera that a config describes."""
     width, height = resolution
@@ -23,21 +51,29 @@ def make_camera(name: str, config: CameraConfig, resolution: tuple[int, int]) ->
     return Camera(name, intrinsics, T_world_camera, config.near, config.far)
 
 
-def capture(world: World, camera: Camera, labels: NDArray[np.uint8]) -> CameraImage:
-    """Render one image.
+def render(world: World, camera: Camera) -> Render:
+    """Render all bodies that are not hidden; the world is not stepped."""
+    return Render(*world.render(camera, Light()))
+
+
+def capture(
+    world: World, camera: Camera, background: Render, labels: NDArray[np.uint8]
+) -> CameraImage:
+    """Take one image.
 
     Args:
-        world: The world, which is not stepped.
+        world: The world, which is not stepped; what is in the background is hidden in it.
         camera: Where to look from.
+        background: What never moves, seen by the same camera.
         labels: ``Label`` by [body, link + 1], as ``Scene.labels`` has it.
     """
-    rgb, zbuffer, mask = world.render(camera, Light())
-    depth = zbuffer_to_depth(zbuffer.astype(np.float64), camera.near, camera.far)
-    seen = mask >= 0
-    segmentation = np.full(mask.shape, int(Label.BACKGROUND), np.uint8)
-    segmentation[seen] = labels[mask[seen] & _BODY_MASK, mask[seen] >> 24]
+    whole = background.behind(render(world, camera))
+    depth = zbuffer_to_depth(whole.zbuffer.astype(np.float64), camera.near, camera.far)
+    seen = whole.mask >= 0
+    segmentation = np.full(whole.mask.shape, int(Label.BACKGROUND), np.uint8)
+    segmentation[seen] = labels[whole.mask[seen] & _BODY_MASK, whole.mask[seen] >> 24]
     return CameraImage(
-        rgb=np.ascontiguousarray(rgb),
+        rgb=whole.rgb,
         depth=depth.astype(np.float32),
         segmentation=segmentation,
         intrinsics=camera.intrinsics.matrix(),
