@@ -61,8 +61,9 @@ class Camera:
         """Return the OpenGL projection matrix (4, 4)."""
         k, n, f = self.intrinsics, self.near, self.far
         P = np.zeros((4, 4))
-        P[0, 0] = 2.0 * k.fx / k.width
-        P[1, 1] = 2.0 * k.fy / k.height
+        dx, dy = TINY_PIXEL_OFFSET
+        P[0, 0], P[0, 2] = 2.0 * k.fx / k.width, 1.0 - 2.0 * (k.cx + dx) / k.width
+        P[1, 1], P[1, 2] = 2.0 * k.fy / k.height, 2.0 * (k.cy + dy) / k.height - 1.0
         P[2, 2], P[2, 3] = -(f + n) / (f - n), -2.0 * f * n / (f - n)
         P[3, 2] = -1.0
         return P

@@ -14,18 +14,28 @@ from typing import Any
 import yaml
 
 from grasp_factory.errors import ConfigError
+from grasp_factory.outcome import Phase
 from grasp_factory.records import check, check_range, from_plain, to_plain
 
 Vector3 = tuple[float, float, float]
 
 MAX_TRANSFER_S = 2.5
 """Grasps that need a longer way from home count as unreachable: it bounds every attempt."""
+SHORTEST_MOTION_S = 0.15
+"""Even the shortest motion takes this long, so that the arm does not jerk."""
+PEAK_OVER_MEAN = 1.875
+"""Peak over mean speed of a minimum-jerk motion (Flash & Hogan 1985): 15/8."""
 MAX_STRETCH = 2.0
 """A straight motion may take this many times longer than its speed says, for slow joints."""
 MAX_CLOSING_STROKE = 0.06
 """Metres: no gripper of the table has fingers that travel farther."""
 CLOSING_SETTLE_S = 0.3
 """Seconds that the fingers may take beyond their travel until they stand still."""
+
+
+def straight_motion_s(distance: float, peak_speed: float) -> float:
+    """Return the seconds of a minimum-jerk motion over a distance (m) with a peak speed (m/s)."""
+    return max(PEAK_OVER_MEAN * distance / peak_speed, SHORTEST_MOTION_S)
 
 
 def _check_weights(key: str, weights: Mapping[str, float]) -> None:
@@ -68,7 +78,7 @@ class WorkspaceConfig:
     margin: float = 0.05
     """Metres inside the box's sides within which drop positions are drawn."""
     drop_height: tuple[float, float] = (0.02, 0.08)
-    """Metres between the table and the lowest point of the object's bounding sphere."""
+    """Metres between the table and the lowest corner of the object's bounding box."""
 
     def __post_init__(self) -> None:
         for i in range(3):
@@ -137,19 +147,20 @@ class MotionConfig:
         return MAX_CLOSING_STROKE / self.closing_speed + CLOSING_SETTLE_S
 
     @property
-    def longest_attempt_s(self) -> float:
-        """An upper bound for the streams' length, seconds."""
-        straight = self.pregrasp_distance / self.approach_speed + self.lift_height / self.lift_speed
-        # 15/8 is the peak over mean speed of a minimum-jerk motion; each of the five phases may
-        # be rounded up to a whole record.
-        slack = 0.5
-        return (
-            MAX_TRANSFER_S
-            + MAX_STRETCH * 15 / 8 * straight
-            + self.longest_close_s
-            + self.hold_s
-            + slack
-        )
+    def approach_s(self) -> float:
+        """Seconds that the approach takes, unless a joint is too slow for it."""
+        return straight_motion_s(self.pregrasp_distance, self.approach_speed)
+
+    @property
+    def lift_s(self) -> float:
+        """Seconds that the lift takes, unless a joint is too slow for it."""
+        return straight_motion_s(self.lift_height, self.lift_speed)
+
+    def longest_attempt(self, record_hz: int) -> int:
+        """Return an upper bound for the number of records of an attempt."""
+        straight = MAX_STRETCH * (self.approach_s + self.lift_s)
+        seconds = MAX_TRANSFER_S + straight + self.longest_close_s + self.hold_s
+        return math.ceil(seconds * record_hz) + len(Phase)  # each phase ends on a whole record
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,7 +175,7 @@ class LabelConfig:
 
 
 DEFAULT_CAMERAS = MappingProxyType(
-    {"front": CameraConfig(eye=(1.15, 0.0, 0.58), target=(0.50, 0.0, 0.11), fov_y_deg=42.0)}
+    {"front": CameraConfig(eye=(1.15, 0.0, 0.58), target=(0.52, 0.0, 0.10), fov_y_deg=36.0)}
 )
 
 

@@ -7,18 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.config import MAX_STRETCH, MAX_TRANSFER_S, MotionConfig
+from grasp_factory.config import (
+    MAX_STRETCH,
+    MAX_TRANSFER_S,
+    PEAK_OVER_MEAN,
+    SHORTEST_MOTION_S,
+    MotionConfig,
+)
 from grasp_factory.episode import Grasp
 from grasp_factory.geometry import Array
 from grasp_factory.ik import ik_solutions, solve_ik, track_path
 from grasp_factory.kinematics import Chain
 
-WAYPOINT_SPACING = 0.02
-"""Metres between IK solutions on a straight segment; joints are interpolated in between."""
-SHORTEST_MOTION_S = 0.15
-"""Even the shortest motion takes this long, so that the arm does not jerk."""
-PEAK_OVER_MEAN = 1.875
-"""Peak over mean speed of a minimum-jerk motion (Flash & Hogan 1985): 15/8."""
+WAYPOINT_SPACING = 0.01
+"""Metres between IK solutions on a straight segment. Interpolated between them, the TCP of either
+arm stays within 0.1 mm of the line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,42 +104,44 @@ class _GraspPath:
     def through(self, pregrasp: Array) -> GraspMotion | None:
         """Return the motions that pass a pregrasp posture (J,), or None when one is impossible."""
         waypoints = np.stack([self._home, pregrasp])
-        transfer = JointSegment(waypoints, _shortest_duration(waypoints, self._limits))
+        transfer = JointSegment(waypoints, self._shortest_duration(waypoints))
         if transfer.duration > MAX_TRANSFER_S:
             return None
-        settings = self._motion
-        approach = self._straight(pregrasp, self.T_pregrasp, self._T_grasp, settings.approach_speed)
+        seconds = self._motion.approach_s
+        approach = self._straight(pregrasp, self.T_pregrasp, self._T_grasp, seconds)
         if approach is None:
             return None
         at_grasp = approach.waypoints[-1]
-        lift = self._straight(at_grasp, self._T_grasp, self._T_lifted, settings.lift_speed)
+        lift = self._straight(at_grasp, self._T_grasp, self._T_lifted, self._motion.lift_s)
         return None if lift is None else GraspMotion(transfer, approach, lift)
 
     def _straight(
-        self, start: Array, T_start: Array, T_end: Array, speed: float
+        self, start: Array, T_start: Array, T_end: Array, seconds: float
     ) -> JointSegment | None:
         """Return the segment along a straight line without turning, or None when it cannot be."""
         way = T_end[:3, 3] - T_start[:3, 3]
-        distance = float(np.linalg.norm(way))
-        steps = max(2, int(np.ceil(distance / WAYPOINT_SPACING)))
+        steps = max(2, math.ceil(float(np.linalg.norm(way)) / WAYPOINT_SPACING))
         T_path = np.tile(T_start, (steps, 1, 1))
         T_path[:, :3, 3] += np.arange(1, steps + 1)[:, None] / steps * way
         path = track_path(self._chain, T_path, start)
         if not path.success:
             return None
         waypoints = np.vstack([start, path.joint_positions])
-        nominal = max(PEAK_OVER_MEAN * distance / speed, SHORTEST_MOTION_S)
-        shortest = _shortest_duration(waypoints, self._limits)
-        if shortest > MAX_STRETCH * nominal:
+        shortest = self._shortest_duration(waypoints)
+        if shortest > MAX_STRETCH * seconds:
             return None
-        return JointSegment(waypoints, max(nominal, shortest))
+        return JointSegment(waypoints, max(seconds, shortest))
 
+    def _shortest_duration(self, waypoints: Array) -> float:
+        """Return the seconds in which no joint exceeds its velocity limit.
 
-def _shortest_duration(waypoints: Array, limits: Array) -> float:
-    """Return the shortest time in which no joint exceeds its velocity limit, seconds."""
-    s = np.linspace(0.0, 1.0, 8 * len(waypoints))
-    _, dq_ds = _interpolate(waypoints, s)
-    return max(float((np.abs(dq_ds) * PEAK_OVER_MEAN / limits).max()), SHORTEST_MOTION_S)
+        Infinite when the interpolated path leaves the joints' limits.
+        """
+        q, dq_ds = _interpolate(waypoints, np.linspace(0.0, 1.0, 8 * len(waypoints)))
+        if (q < self._chain.lower).any() or (q > self._chain.upper).any():
+            return math.inf
+        shortest = float((np.abs(dq_ds) * PEAK_OVER_MEAN / self._limits).max())
+        return max(shortest, SHORTEST_MOTION_S)
 
 
 def _interpolate(waypoints: Array, s: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ class Outcome(IntEnum):
     NEVER_SETTLED = 1
     """The object was still moving when the settling time was over."""
     LEFT_WORKSPACE = 2
-    """The object came to rest outside the workspace, before or after the attempt."""
+    """The object came to rest outside the workspace, or fell off the table in the attempt."""
     NO_PLAN = 3
     """The policy proposed no grasp, for instance because it saw no target."""
     UNREACHABLE = 4

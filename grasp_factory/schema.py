@@ -5,7 +5,6 @@ Writers, the reader, the checks and the README's table all follow it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -146,7 +145,7 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
     """Return the length of each lettered dimension for a config and a robot's joint count."""
     width, height = config.resolution
     return {
-        "T": math.ceil(config.motion.longest_attempt_s * config.record_hz),
+        "T": config.motion.longest_attempt(config.record_hz),
         "J": joints,
         "M": 1,
         "P": MAX_CONTACTS,
