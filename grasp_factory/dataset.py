@@ -1,0 +1,271 @@
+"""Reading a store: open it, pick rows, get back the very records that were written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.episode import CameraFrames, Episode, EpisodeSpec, checksum
+from grasp_factory.errors import StoreError, UsageError, lookup
+from grasp_factory.outcome import Outcome
+from grasp_factory.writers.header import open_array, open_store
+
+Row = dict[str, NDArray[Any]]
+"""Values of one episode by path, streams trimmed."""
+
+_NEEDED = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps")
+"""Columns that every store has, and that are not in ``Episode.columns``."""
+_NOT_IN_CHECKSUM = ("episodes/status", "episodes/checksum", "episodes/error")
+
+
+class Dataset:
+    """A store, opened for reading. Opening or reading never runs code from it.
+
+    Attributes:
+        path: where it is.
+        config: what it was made from.
+        attributes: all root attributes: seed, versions, conventions, ...
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        config: FactoryConfig,
+        attributes: Mapping[str, Any],
+        arrays: Mapping[str, zarr.Array[Any]],
+    ) -> None:
+        """Use ``Dataset.open``."""
+        self.path = path
+        self.config = config
+        self.attributes = attributes
+        self._arrays = arrays
+        self._fields = {row.path: row for row in schema.expand(config) if row.path in arrays}
+        self._length: int = arrays[schema.STATUS.path].shape[0]
+
+    @classmethod
+    def open(cls, path: Path | str) -> Dataset:
+        """Open the store at ``path``.
+
+        Raises:
+            StoreMismatchError: if there is no store, or one of a newer version.
+            StoreError: if the store is damaged.
+        """
+        path = Path(path)
+        root, config = open_store(path, mode="r")
+        needed = {f"episodes/{name}" for name in _NEEDED}
+        arrays = {
+            row.path: open_array(root, row.path)
+            for row in schema.expand(config)
+            # A store made before a column was added to the schema lacks it, and is read without.
+            if row.path in needed or (path / row.path / "zarr.json").exists()
+        }
+        return cls(path, config, root.attrs.asdict(), arrays)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to another process as the path alone, to be opened there."""
+        return Dataset.open, (self.path,)
+
+    def __repr__(self) -> str:
+        return f"Dataset({str(self.path)!r}, {len(self)} episodes)"
+
+    def __len__(self) -> int:
+        """Return the number of rows, whatever their status."""
+        return self._length
+
+    @property
+    def columns(self) -> list[str]:
+        """Names for ``column`` and ``where``."""
+        return [p.removeprefix("episodes/") for p in self._fields if p.startswith("episodes/")]
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a whole column, shape (N, ...), rows that are missing included.
+
+        Raises:
+            UnknownNameError: listing the columns.
+        """
+        lookup(dict.fromkeys(self.columns), "column", name)
+        return self._read(f"episodes/{name}", 0, len(self))
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """The rows' status as it is now, (N,): 0 missing, 1 committed, 2 quarantined."""
+        return self.column("status")
+
+    @property
+    def committed(self) -> NDArray[np.int64]:
+        """Indices of the rows that hold an episode, ascending."""
+        return np.flatnonzero(self.status == 1)
+
+    def where(self, **conditions: Any) -> NDArray[np.int64]:
+        """Return the committed rows in which each named column has the value, or one of a list.
+
+        Example: ``where(success=False, outcome=["no_contact", "collision"], split="train")``.
+
+        Raises:
+            UnknownNameError: for a column that does not exist, or a word that a column of words
+                does not know.
+            UsageError: for a column with more than one value per row.
+        """
+        keep = self.status == 1
+        for name, value in conditions.items():
+            values = self.column(name)
+            if values.ndim > 1:
+                raise UsageError(f"where: {name} has {values.shape[1:]} values a row, valid: one")
+            row = self._fields[f"episodes/{name}"]
+            several = isinstance(value, Iterable) and not isinstance(value, str)
+            wanted = [values == _stored(row, item) for item in (value if several else [value])]
+            keep &= np.logical_or.reduce(wanted) if wanted else False
+        return np.flatnonzero(keep)
+
+    def __getitem__(self, index: int) -> Episode:
+        """Return the episode that was written at ``index``; negative counts from the end.
+
+        Raises:
+            IndexError: naming the valid range.
+            StoreError: if the row is missing, quarantined or damaged.
+        """
+        i = self._committed_row(index)
+        return self._episode(i, self._read_rows(i, i + 1)[0])
+
+    def __iter__(self) -> Iterator[Episode]:
+        """Iterate over the committed episodes."""
+        for _, episodes in self.iter_blocks():
+            yield from episodes
+
+    def iter_blocks(self) -> Iterator[tuple[NDArray[np.int64], list[Episode]]]:
+        """Iterate over (indices, episodes) of each block's committed rows, reading shards once."""
+        committed, size = self.committed, self.config.block_size
+        for indices in np.split(committed, np.flatnonzero(np.diff(committed // size)) + 1):
+            if len(indices) == 0:  # of a store without any
+                return
+            start = int(indices[0]) // size * size
+            rows = self._read_rows(start, min(start + size, len(self)))
+            yield indices, [self._episode(int(i), rows[i - start]) for i in indices]
+
+    def spec(self, index: int) -> EpisodeSpec:
+        """Return the recipe of an episode, also of a quarantined one.
+
+        Raises:
+            IndexError: naming the valid range.
+            StoreError: if the row is missing or damaged.
+        """
+        i, _ = self._present_row(index)
+        text = str(self._read("episodes/spec", i, i + 1)[0])
+        try:
+            return EpisodeSpec.from_json(text)
+        except (ValueError, RecursionError) as error:  # ConfigError is a ValueError
+            raise StoreError(f"{self.path}: episode {i} is damaged: {error}") from None
+
+    def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
+        """Return one image, reading no other.
+
+        Args:
+            index: the episode's.
+            camera: a key of ``config.cameras``.
+            kind: rgb (H, W, 3) uint8, depth (H, W) float32 in metres, or segmentation (H, W) uint8.
+            frame: 0 before the attempt, 1 after.
+        """
+        lookup(self.config.cameras, "camera", camera)
+        if frame not in (0, 1):
+            raise IndexError(f"frame {frame}: valid: 0 (before) and 1 (after)")
+        at = f"cameras/{camera}/"
+        kinds = {p.removeprefix(at): p for p, row in self._fields.items() if row.is_image}
+        i, path = self._committed_row(index), lookup(kinds, "image kind", kind)
+        return np.asarray(self._read(path, i, i + 1, frame)[0])
+
+    def verify(self, index: int) -> bool:
+        """Say whether an episode still has the checksum that it was written with.
+
+        Raises:
+            IndexError: naming the valid range.
+            StoreError: if the row is missing or quarantined.
+        """
+        i = self._committed_row(index)
+        try:
+            row = self._read_rows(i, i + 1)[0]
+        except StoreError:
+            return False
+        stored = str(row["episodes/checksum"])
+        return checksum({p: v for p, v in row.items() if p not in _NOT_IN_CHECKSUM}) == stored
+
+    def _present_row(self, index: int) -> tuple[int, int]:
+        size = len(self)
+        if not -size <= index < size:
+            valid = f"valid: {-size} to {size - 1}" if size else "the store has no episodes"
+            raise IndexError(f"episode {index}: {valid}")
+        i = int(index) % size
+        status = int(self._read(schema.STATUS.path, i, i + 1)[0])
+        if status == 0:
+            raise StoreError(f"{self.path}: episode {i} is missing")
+        return i, status
+
+    def _committed_row(self, index: int) -> int:
+        i, status = self._present_row(index)
+        if status == 2:
+            reason = self._read("episodes/error", i, i + 1)[0]
+            raise StoreError(f"{self.path}: episode {i} is quarantined: {reason}")
+        return i
+
+    def _read(self, path: str, start: int, stop: int, *more: int) -> NDArray[Any]:
+        selection: tuple[int | slice, ...] = (slice(start, stop), *more)
+        try:
+            return np.asarray(self._arrays[path][selection])
+        except (OSError, ValueError, RuntimeError) as error:
+            what = f"{path} of episodes {start} to {stop - 1}"
+            raise StoreError(f"{self.path}: {what} cannot be read: {error}") from None
+
+    def _read_rows(self, start: int, stop: int) -> list[Row]:
+        whole = {path: self._read(path, start, stop) for path in self._fields}
+        rows = []
+        for k, n_steps in enumerate(whole["episodes/n_steps"]):
+            row = {path: np.asarray(values[k]) for path, values in whole.items()}
+            for path, field in self._fields.items():
+                if field.is_stream:
+                    row[path] = row[path][:n_steps]
+            rows.append(row)
+        return rows
+
+    def _episode(self, i: int, row: Row) -> Episode:
+        groups: dict[str, dict[str, Any]] = {}
+        for path, value in row.items():
+            group, name = path.rsplit("/", 1)
+            groups.setdefault(group, {})[name] = value
+        columns = groups["episodes"]
+        try:
+            return Episode(
+                spec=EpisodeSpec.from_json(str(columns["spec"])),
+                outcome=Outcome(int(columns["outcome"])),
+                columns={k: _plain(v) for k, v in columns.items() if k not in _NEEDED},
+                cameras={c: CameraFrames(**groups[f"cameras/{c}"]) for c in self.config.cameras},
+                streams=groups["streams"],
+            )
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
+            raise StoreError(f"{self.path}: episode {i} is damaged: {error}") from None
+
+
+def _plain(value: NDArray[Any]) -> Any:
+    """Return a single value as a Python one; ``Episode.contents`` turns it back exactly."""
+    return value.item() if value.ndim == 0 else value
+
+
+def _stored(row: schema.Field, value: Any) -> Any:
+    """Return what a column holds for ``value``: for a word of a coded column, its code.
+
+    Raises:
+        UnknownNameError: for a word that a coded column does not know.
+        UsageError: for a value of another type than the column's.
+    """
+    name = row.path.removeprefix("episodes/")
+    if row.names and isinstance(value, str):
+        return lookup({word: code for code, word in enumerate(row.names)}, name, value)
+    kind = np.asarray(value).dtype.kind
+    if kind not in {"string": "UT", "bool": "b"}.get(row.dtype, "iuf"):
+        raise UsageError(f"where: {name}: got {value!r}, valid: {row.dtype}")
+    return value

@@ -1,0 +1,16 @@
+"""Writers: where episodes go. To add one, write its file and its row here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from grasp_factory.writers.base import Writer
+from grasp_factory.writers.memory import MemoryWriter
+from grasp_factory.writers.zarr import ZarrWriter
+
+WRITERS: dict[str, Callable[[Path], Writer]] = {
+    "zarr": ZarrWriter,
+    "memory": MemoryWriter,
+}
+"""Writer name to what opens one on a path."""

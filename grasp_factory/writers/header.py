@@ -1,0 +1,134 @@
+"""What a store says about itself: its root attributes, written once, checked at every opening."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+import zarr
+
+from grasp_factory import __version__
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError
+from grasp_factory.schema import FORMAT, FORMAT_VERSION
+
+LICENSE = "MIT"
+CONVENTIONS = {
+    "units": "SI: metres, kilograms, seconds, newtons, radians; each array has its own attribute",
+    "quaternion": "xyzw, scalar last, unit",
+    "frames": "T_a_b maps coordinates in frame b to frame a; TCP: +z approaches, +y closes",
+    "camera": "OpenCV: +x right, +y down, +z forward; depth is along +z, not along the ray",
+}
+
+
+def root_attributes(config: FactoryConfig, extra: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the root attributes of a new store: nothing of the time, the host or the path."""
+    return {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "seed": config.seed,
+        "config": config.to_plain(),
+        "config_sha256": config.sha256(),
+        "block_size": config.block_size,
+        "renderer": "tiny",
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("pybullet", "numpy", "zarr")},
+            "grasp_factory": __version__,
+        },
+        "platform": {
+            "machine": platform.machine(),
+            "libc": " ".join(platform.libc_ver()),
+            "cpu": _cpu(),
+        },
+        "conventions": CONVENTIONS,
+        "license": LICENSE,
+        "created_by": f"grasp-factory {__version__}",
+        **extra,
+    }
+
+
+def read_attributes(path: Path) -> dict[str, Any]:
+    """Return the root attributes of the store at ``path``.
+
+    Raises:
+        StoreMismatchError: if there is nothing, something else, or a newer version.
+        StoreError: if the store's metadata is damaged.
+    """
+    if not path.exists():
+        raise StoreMismatchError(f"there is no store at {path}")
+    if not path.is_dir():
+        raise StoreMismatchError(f"{path} is a file, not a grasp-factory store")
+    try:
+        metadata = json.loads((path / "zarr.json").read_bytes())
+        attributes = metadata["attributes"]
+        ours = attributes["format"] == FORMAT
+        newer = attributes["format_version"] > FORMAT_VERSION if ours else False
+    except FileNotFoundError:
+        raise StoreMismatchError(f"{path} is not a grasp-factory store") from None
+    except OSError as error:
+        raise StoreError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise StoreError(f"{path} is damaged: zarr.json: {_line(error)}") from None
+    except (KeyError, TypeError):
+        ours = False
+    if not ours:
+        raise StoreMismatchError(f"{path} is not a grasp-factory store")
+    if newer:
+        raise StoreMismatchError(
+            f"{path} has format version {attributes['format_version']}, this version of"
+            f" grasp-factory reads up to {FORMAT_VERSION}: install a newer one"
+        )
+    return dict(attributes)
+
+
+def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, FactoryConfig]:
+    """Open the store at ``path`` and read its config.
+
+    Raises:
+        StoreMismatchError: if there is nothing, something else, or a newer version.
+        StoreError: if the store is damaged.
+    """
+    attributes = read_attributes(path)
+    try:
+        config = FactoryConfig.from_plain(attributes["config"])
+        return zarr.open_group(path, mode=mode, zarr_format=3), config
+    except (ConfigError, KeyError, TypeError, ValueError, OSError) as error:
+        raise StoreError(f"{path} is damaged: {_line(error)}") from None
+
+
+def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
+    """Return an array of a store.
+
+    Raises:
+        StoreError: if it is missing or damaged.
+    """
+    try:
+        array = root[path]
+    except (KeyError, TypeError, ValueError, OSError) as error:
+        raise StoreError(f"{_where(root)} is damaged: array {path}: {_line(error)}") from None
+    if not isinstance(array, zarr.Array):
+        raise StoreError(f"{_where(root)} is damaged: {path} is no array")
+    return array
+
+
+def _where(root: zarr.Group) -> str:
+    return str(root.store).removeprefix("file://")
+
+
+def _line(error: Exception) -> str:
+    text = str(error).strip() or type(error).__name__
+    return text.splitlines()[0]
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()

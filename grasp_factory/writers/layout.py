@@ -1,0 +1,88 @@
+"""From the schema to Zarr arrays: shapes, chunks, shards, codec and attributes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import zarr
+from zarr.codecs import ZstdCodec
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+
+# Plain zstd for everything. Measured on 8 episodes of the default config, all float32 streams
+# together, per episode: zstd 3 57 KiB in 0.8 ms, blosc zstd 3 with byte-shuffle 47 KiB in 1.3 ms,
+# with bitshuffle 61 KiB. The 10 KiB that byte-shuffle saves, of about 310 KiB with the images, are
+# not worth a second codec.
+ZSTD_LEVEL = 3
+
+# Chunk files are named 3.0.0 instead of c/3/0/0: no directory per shard, one fsync makes all
+# names of an array durable, and the block's number leads every file name, also while LocalStore
+# writes it aside as 3.0.<uuid>.partial. (With "c.3", a one-dimensional array's aside file would be
+# c.<uuid>.partial, which tells nobody whose it is.)
+_KEYS = {"name": "v2", "separator": "."}
+
+# An empty chunk is written like any other. Left out, it would read back as the fill value, and
+# a NaN or a -0.0 of the episode could come back with other bits than went in.
+RUNTIME: Any = {"write_empty_chunks": True}
+
+_DIMENSIONS = {"T": "step", "J": "joint", "M": "object", "P": "contact", "H": "row", "W": "column"}
+
+
+def shape(row: schema.Field, config: FactoryConfig, joints: int, n: int) -> tuple[int, ...]:
+    """Return the shape of a field's array for ``n`` episodes."""
+    return (n, *schema.shape(row, schema.sizes(config, joints)))
+
+
+def create_array(
+    root: zarr.Group, row: schema.Field, config: FactoryConfig, joints: int, n: int
+) -> None:
+    """Create a field's array, empty, with its attributes."""
+    whole = shape(row, config, joints, n)
+    block = (config.block_size, *whole[1:])
+    if row.is_image:
+        chunks, shards = (1, 1, *whole[2:]), block
+    elif row.is_stream:
+        chunks, shards = (1, *whole[1:]), block
+    else:
+        chunks, shards = block, None
+    root.create_array(
+        row.path,
+        shape=whole,
+        chunks=chunks,
+        shards=shards,
+        dtype=str if row.dtype == "string" else row.dtype,
+        fill_value=row.fill,
+        compressors=[ZstdCodec(level=ZSTD_LEVEL)],
+        chunk_key_encoding=_KEYS,  # type: ignore[arg-type]
+        dimension_names=dimension_names(row),
+        attributes=attributes(row),
+        config=RUNTIME,
+    )
+
+
+def dimension_names(row: schema.Field) -> list[str]:
+    """Return a name for each dimension of a field's array; those of a letter are shared."""
+    leaf = row.path.rsplit("/", 1)[-1]
+    own = [
+        _DIMENSIONS[dim] if isinstance(dim, str) else f"{leaf}_{axis}"
+        for axis, dim in enumerate(row.dims, start=1)
+    ]
+    return ["episode", *own]
+
+
+def attributes(row: schema.Field) -> dict[str, Any]:
+    """Return an array's attributes: units (empty: none), description, frame and names."""
+    out: dict[str, Any] = {"units": row.units, "description": row.description}
+    if row.frame:
+        out["frame"] = row.frame
+    if row.names:
+        out["names"] = list(row.names)
+    return out
+
+
+def files_of_block(array_dir: Path, block: int) -> list[Path]:
+    """Return an array's files that belong to a block, half-written ones included."""
+    name, prefix = str(block), f"{block}."
+    return sorted(p for p in array_dir.iterdir() if p.name == name or p.name.startswith(prefix))

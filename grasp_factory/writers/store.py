@@ -1,0 +1,131 @@
+"""What the coordinator does to a store: create it, grow it, and ask which blocks are missing.
+
+Only one process may do this at a time (see ``lock``), and none while blocks are being written.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig, first_difference
+from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.writers.files import cannot_write, fsync, fsync_tree
+from grasp_factory.writers.header import open_array, open_store, read_attributes, root_attributes
+from grasp_factory.writers.layout import create_array, shape
+
+_OTHER = "choose another --out"
+
+
+def prepare_store(
+    path: Path, config: FactoryConfig, joints: int, n: int, extra: Mapping[str, Any]
+) -> None:
+    """Make sure that ``path`` holds a store of this config with room for ``n`` episodes.
+
+    A new store is built aside and renamed; an existing one grows if it is shorter, and keeps the
+    versions and the ``extra`` attributes that it was created with.
+
+    Args:
+        path: where the store is, or will be.
+        config: what decides its content.
+        joints: joint count of the config's robot.
+        n: episodes.
+        extra: more root attributes, JSON data, for a new store.
+
+    Raises:
+        StoreMismatchError: if the path holds anything else, or cannot be written.
+        StoreError: if the store there is damaged, or the disk fails.
+    """
+    target = path.resolve()  # through a link to the store itself, which a rename would replace
+    try:
+        if not target.exists() or (target.is_dir() and not any(target.iterdir())):
+            _create(target, config, joints, n, extra)
+        else:
+            _check_same(path, config)
+            _grow(path, config, joints, n)
+    except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
+        raise cannot_write(path, error) from None
+    except OSError as error:
+        raise StoreError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def pending_blocks(path: Path, n: int) -> list[int]:
+    """Return the blocks in which any of the first ``n`` episodes is missing.
+
+    Raises:
+        StoreMismatchError: if there is no store.
+        StoreError: if it is damaged.
+    """
+    root, config = open_store(path, mode="r")
+    status = open_array(root, schema.STATUS.path)
+    missing = np.flatnonzero(np.asarray(status[:n]) == 0)
+    return [int(block) for block in np.unique(missing // config.block_size)]
+
+
+def _create(
+    target: Path, config: FactoryConfig, joints: int, n: int, extra: Mapping[str, Any]
+) -> None:
+    aside = target.with_name(f".{target.name}.creating")
+    if aside.exists():
+        # What a killed creation left: metadata only. Anything else there is not ours to delete.
+        others = [p for p in aside.rglob("*") if p.is_file() and not p.name.startswith("zarr.")]
+        if others:
+            raise StoreMismatchError(f"{aside} is in the way: it holds {others[0].name}; move it")
+        shutil.rmtree(aside)
+    aside.mkdir()
+    root = zarr.create_group(aside, zarr_format=3, attributes=root_attributes(config, extra))
+    for row in schema.expand(config):
+        create_array(root, row, config, joints, n)
+    fsync_tree(aside)
+    os.replace(aside, target)
+    fsync([target.parent])
+
+
+def _check_same(path: Path, config: FactoryConfig) -> None:
+    try:
+        attributes = read_attributes(path)
+    except StoreMismatchError as error:
+        raise StoreMismatchError(f"{error}; {_OTHER}") from None
+    if attributes.get("config_sha256") != config.sha256():
+        found = first_difference(attributes.get("config"), config.to_plain()) or "config_sha256"
+        raise StoreMismatchError(
+            f"{path} holds a dataset of another config ({found}); use its config or {_OTHER}"
+        )
+
+
+def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
+    """Resize the arrays, ``status`` last: its length says how far a growth that finished went.
+
+    After a kill in between, some arrays are longer than ``status``. Nothing has been written
+    there, so they take the length that is asked for now, be it shorter.
+    """
+    root, _ = open_store(path, mode="r+")
+    fields = sorted(schema.expand(config), key=lambda row: row == schema.STATUS)
+    arrays = {row: open_array(root, row.path) for row in fields}
+    n = max(n, arrays[schema.STATUS].shape[0])
+    for row, array in arrays.items():
+        _check_layout(path, row, array, shape(row, config, joints, n))
+    for row, array in arrays.items():
+        for leftover in (path / row.path).glob("zarr.*.partial"):
+            leftover.unlink()
+        if array.shape[0] != n:
+            array.resize(shape(row, config, joints, n))
+            fsync([path / row.path / "zarr.json", path / row.path])
+
+
+def _check_layout(
+    path: Path, row: schema.Field, array: zarr.Array[Any], want: tuple[int, ...]
+) -> None:
+    kind = "string" if array.dtype.kind == "T" else array.dtype.name
+    if (kind, array.shape[1:]) != (row.dtype, want[1:]):
+        raise StoreMismatchError(
+            f"{path} was made by another version: {row.path} is {kind} {array.shape[1:]}, this one"
+            f" makes {row.dtype} {want[1:]}; use that version or {_OTHER}"
+        )

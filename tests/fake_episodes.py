@@ -1,0 +1,116 @@
+"""Hand-built episodes with every array of the store, without physics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.episode import CameraFrames, Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.geometry import Pose
+from grasp_factory.outcome import Outcome
+from grasp_factory.writers.base import Quarantined
+
+JOINTS = 7
+
+
+def small_config(**more: Any) -> FactoryConfig:
+    """Return a config with tiny images, short streams and blocks of 4."""
+    defaults = {"resolution": (32, 24), "record_hz": 10, "block_size": 4}
+    physics = {"free_hz": 240, "contact_hz": 960}
+    return FactoryConfig.from_plain(defaults | {"physics": physics} | more)
+
+
+def make_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
+    """Return the recipe of episode ``index``, the same for the same arguments."""
+    rng = np.random.default_rng([config.seed, index, 0])
+    target = ObjectSpec(
+        object_set="blobs",
+        object_id=f"blob_{rng.integers(100):03d}",
+        split=str(rng.choice(["train", "val", "test"])),
+        mass=float(rng.uniform(0.05, 0.5)),
+        lateral_friction=float(rng.uniform(0.5, 1.0)),
+        drop_pose=Pose(tuple(rng.normal(size=3).tolist()), (0.0, 0.0, 0.0, 1.0)),
+    )
+    return EpisodeSpec(
+        index=index,
+        seed=config.seed,
+        robot=config.robot,
+        policy=str(rng.choice(sorted(config.policies))),
+        objects=(target,),
+        cameras=config.cameras,
+        resolution=config.resolution,
+        record_hz=config.record_hz,
+        workspace=config.workspace,
+        physics=config.physics,
+        motion=config.motion,
+        label=config.label,
+    )
+
+
+def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) -> Episode:
+    """Return a random episode, the same for the same arguments.
+
+    It has NaN and both zeros among its floats, and ``n_steps`` records (drawn if not given).
+    """
+    rng = np.random.default_rng([config.seed, index, 1])
+    size = schema.sizes(config, JOINTS)
+    spec = make_spec(config, index)
+    steps = int(rng.integers(0, size["T"] + 1)) if n_steps is None else n_steps
+    columns: dict[str, Any] = {}
+    streams: dict[str, Any] = {}
+    cameras: dict[str, dict[str, Any]] = {name: {} for name in config.cameras}
+    for row in schema.expand(config):
+        group, name = row.path.rsplit("/", 1)
+        shape = schema.shape(row, size)
+        if row.is_stream:
+            streams[name] = _random(rng, row, (steps, *shape[1:]))
+        elif group != "episodes":
+            cameras[group.removeprefix("cameras/")][name] = _random(rng, row, shape)
+        elif name not in _OWN:
+            value = _random(rng, row, shape)
+            columns[name] = value if value.ndim else value.item()
+    target = spec.objects[0]
+    columns |= {
+        "object_id": target.object_id,
+        "object_set": target.object_set,
+        "split": target.split,
+        "policy": spec.policy,
+        "object_mass": target.mass,
+    }
+    return Episode(
+        spec=spec,
+        outcome=Outcome(int(rng.integers(len(Outcome)))),
+        columns=columns,
+        cameras={name: CameraFrames(**arrays) for name, arrays in cameras.items()},
+        streams=streams,
+    )
+
+
+def make_rows(
+    config: FactoryConfig, block: int, n: int, quarantined: tuple[int, ...] = ()
+) -> list[Episode | Quarantined]:
+    """Return the rows of a block of a store with ``n`` episodes."""
+    start = block * config.block_size
+    return [
+        Quarantined(make_spec(config, i), f"no luck with {i}")
+        if i in quarantined
+        else make_episode(config, i)
+        for i in range(start, min(start + config.block_size, n))
+    ]
+
+
+_OWN = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps")
+
+
+def _random(rng: np.random.Generator, row: schema.Field, shape: tuple[int, ...]) -> Any:
+    if row.dtype == "string":
+        return np.asarray("")
+    dtype = np.dtype(row.dtype)
+    if dtype.kind == "f":
+        values = rng.normal(size=shape).astype(dtype)
+        holes = rng.random(shape)
+        return np.where(holes < 0.1, np.nan, np.where(holes < 0.2, -0.0, values)).astype(dtype)
+    return rng.integers(0, len(row.names) or 256, size=shape, dtype=dtype)

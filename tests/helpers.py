@@ -1,0 +1,21 @@
+"""Small things that several tests need."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def tree(root: Path) -> dict[str, bytes]:
+    """Return every file below ``root`` with its bytes."""
+    return {
+        str(path.relative_to(root)): path.read_bytes()
+        for path in sorted(root.rglob("*"))
+        if path.is_file()
+    }
+
+
+def assert_same_tree(a: Path, b: Path) -> None:
+    """Fail, naming the files, unless two trees hold the same files with the same bytes."""
+    left, right = tree(a), tree(b)
+    assert sorted(left) == sorted(right)
+    assert [name for name in left if left[name] != right[name]] == []

@@ -1,0 +1,366 @@
+"""What every writer keeps to, and what the Zarr writer promises on top."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+from fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
+from helpers import assert_same_tree, tree
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.dataset import Dataset
+from grasp_factory.episode import Episode
+from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.writers import WRITERS, ZarrWriter
+from grasp_factory.writers import zarr as zarr_module
+from grasp_factory.writers.base import Quarantined, Writer
+from grasp_factory.writers.memory import MemoryWriter
+from grasp_factory.writers.store import pending_blocks, prepare_store
+
+CONFIG = small_config(block_size=2)
+N = 5  # blocks 0, 1 and a short 2
+ROOM = schema.sizes(CONFIG, JOINTS)["T"]
+
+
+def open_zarr(path: Path) -> Writer:
+    prepare_store(path, CONFIG, JOINTS, N, {})
+    return ZarrWriter(path)
+
+
+def read_zarr(writer: Any) -> dict[int, Episode | Quarantined]:
+    dataset = Dataset.open(writer.path)
+    rows: dict[int, Episode | Quarantined] = {int(i): dataset[i] for i in dataset.committed}
+    for i in np.flatnonzero(dataset.status == 2):
+        rows[int(i)] = Quarantined(dataset.spec(i), str(dataset.column("error")[i]))
+    return rows
+
+
+def read_memory(writer: Any) -> dict[int, Episode | Quarantined]:
+    return {row.spec.index: row for rows in writer.blocks.values() for row in rows}
+
+
+HARNESSES: dict[str, tuple[Callable[[Path], Writer], Callable[[Any], dict[int, Any]]]] = {
+    "zarr": (open_zarr, read_zarr),
+    "memory": (lambda path: MemoryWriter(path, block_size=CONFIG.block_size), read_memory),
+}
+"""Writer name to how a test opens one with blocks of 2, and reads back what it keeps."""
+
+
+def test_every_writer_has_a_harness_here() -> None:
+    assert sorted(HARNESSES) == sorted(WRITERS)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+class TestEveryWriter:
+    @pytest.fixture
+    def writer(self, name: str, tmp_path: Path) -> Writer:
+        return HARNESSES[name][0](tmp_path / "out")
+
+    @pytest.fixture
+    def read(self, name: str) -> Callable[[Any], dict[int, Any]]:
+        return HARNESSES[name][1]
+
+    def test_gives_back_what_it_was_given(self, writer: Writer, read: Any) -> None:
+        rows = make_rows(CONFIG, 0, N)
+        writer.write_block(0, rows)
+        back = read(writer)
+        assert [back[i].checksum() for i in range(2)] == [row.checksum() for row in rows]
+        assert [back[i].spec for i in range(2)] == [row.spec for row in rows]
+
+    def test_keeps_the_recipe_and_the_reason_of_a_quarantined_row(
+        self, writer: Writer, read: Any
+    ) -> None:
+        rows = make_rows(CONFIG, 1, N, quarantined=(3,))
+        writer.write_block(1, rows)
+        assert read(writer)[3] == Quarantined(make_spec(CONFIG, 3), "no luck with 3")
+
+    def test_takes_blocks_in_any_order(self, writer: Writer, read: Any) -> None:
+        for block in (2, 0, 1):
+            writer.write_block(block, make_rows(CONFIG, block, N))
+        assert sorted(read(writer)) == [0, 1, 2, 3, 4]
+
+    def test_replaces_a_block_that_is_written_again(self, writer: Writer, read: Any) -> None:
+        writer.write_block(0, make_rows(CONFIG, 0, N, quarantined=(0, 1)))
+        writer.write_block(0, make_rows(CONFIG, 0, N))
+        assert all(isinstance(row, Episode) for row in read(writer).values())
+
+    def test_takes_a_short_block(self, writer: Writer, read: Any) -> None:
+        writer.write_block(2, make_rows(CONFIG, 2, N))
+        assert list(read(writer)) == [4]
+
+    @pytest.mark.parametrize("indices", [[], [1], [1, 2], [0, 0], [0, 2], [0, 1, 2]])
+    def test_refuses_rows_that_are_not_the_block(
+        self, writer: Writer, read: Any, indices: list[int]
+    ) -> None:
+        rows = [Quarantined(make_spec(CONFIG, i), "") for i in indices]
+        with pytest.raises(StoreError) as caught:
+            writer.write_block(0, rows)
+        valid = "1 to 2 consecutive episodes from 0 on"
+        assert str(caught.value) == f"block 0: got episodes {indices}, valid: {valid}"
+        assert read(writer) == {}
+
+
+def write_all(path: Path, config: FactoryConfig, n: int, order: list[int] | None = None) -> None:
+    prepare_store(path, config, JOINTS, n, {})
+    writer = ZarrWriter(path)
+    for block in order or pending_blocks(path, n):
+        writer.write_block(block, make_rows(config, block, n, quarantined=(1,)))
+
+
+def test_the_same_input_gives_the_same_bytes_in_any_order_of_blocks(tmp_path: Path) -> None:
+    write_all(tmp_path / "a", CONFIG, N)
+    write_all(tmp_path / "elsewhere", CONFIG, N, order=[2, 1, 0])
+    assert_same_tree(tmp_path / "a", tmp_path / "elsewhere")
+
+
+def test_plain_zarr_reads_it_with_units_words_and_dimension_names(tmp_path: Path) -> None:
+    write_all(tmp_path / "out", CONFIG, N)
+    root: Any = zarr.open(tmp_path / "out", mode="r")
+    episode = make_episode(CONFIG, 0)
+    np.testing.assert_array_equal(root["cameras/front/rgb"][0], episode.cameras["front"].rgb)
+    assert root["cameras/front/depth"].attrs["units"] == "m"
+    assert root["cameras/front/depth"].metadata.dimension_names == (
+        *("episode", "depth_1"),
+        *("row", "column"),
+    )
+    assert root["episodes/outcome"].attrs["names"][0] == "success"
+    assert root["episodes/spec"][0] == episode.spec.to_json()
+    assert root["episodes/status"][:].tolist() == [1, 2, 1, 1, 1]
+    assert root["streams/tcp_pose"].attrs["frame"] == "world"
+
+
+def test_images_have_a_frame_per_chunk_and_streams_an_episode_per_chunk(tmp_path: Path) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, N, {})
+    root: Any = zarr.open(tmp_path / "out", mode="r")
+    rgb, torques = root["cameras/front/rgb"], root["streams/joint_torques"]
+    assert (rgb.chunks, rgb.shards) == ((1, 1, 24, 32, 3), (2, 2, 24, 32, 3))
+    assert (torques.chunks, torques.shards) == ((1, ROOM, 7), (2, ROOM, 7))
+    assert (root["episodes/spec"].chunks, root["episodes/spec"].shards) == ((2,), None)
+
+
+def test_no_codec_can_run_code(tmp_path: Path) -> None:
+    write_all(tmp_path / "out", CONFIG, N)
+    root: Any = zarr.open(tmp_path / "out", mode="r")
+    names = set()
+    for row in schema.expand(CONFIG):
+        for codec in root[row.path].metadata.to_dict()["codecs"]:
+            names.add(codec["name"])
+            names |= {inner["name"] for inner in codec.get("configuration", {}).get("codecs", ())}
+    assert names == {"bytes", "zstd", "sharding_indexed", "vlen-utf8"}
+
+
+def test_streams_are_padded_with_nan_and_codes_with_no_word(tmp_path: Path) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 2, {})
+    rows = [make_episode(CONFIG, 0, n_steps=3), make_episode(CONFIG, 1, n_steps=ROOM)]
+    ZarrWriter(tmp_path / "out").write_block(0, rows)
+    streams: Any = zarr.open(tmp_path / "out", mode="r")["streams"]
+    assert np.isnan(streams["tactile_force"][0, 3:]).all()
+    assert (streams["phase"][0, 3:] == 255).all()
+    np.testing.assert_array_equal(streams["phase"][1], rows[1].streams["phase"])
+
+
+def test_rows_without_an_episode_have_no_outcome_word(tmp_path: Path) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 4, {})
+    ZarrWriter(tmp_path / "out").write_block(0, make_rows(CONFIG, 0, 2, quarantined=(1,)))
+    episodes: Any = zarr.open(tmp_path / "out", mode="r")["episodes"]
+    assert episodes["outcome"][1:].tolist() == [255, 255, 255]
+    assert episodes["checksum"][1:].tolist() == ["", "", ""]
+
+
+def test_a_reason_that_is_no_valid_text_is_kept_readable(tmp_path: Path) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 1, {})
+    rows = [Quarantined(make_spec(CONFIG, 0), "file \udcff is bad")]
+    ZarrWriter(tmp_path / "out").write_block(0, rows)
+    assert Dataset.open(tmp_path / "out").column("error").tolist() == ["file ? is bad"]
+
+
+def changed(**more: Any) -> Episode:
+    return dataclasses.replace(make_episode(CONFIG, 0, n_steps=9), **more)
+
+
+def without(mapping: Any, name: str) -> dict[str, Any]:
+    return {key: value for key, value in mapping.items() if key != name}
+
+
+EPISODE = make_episode(CONFIG, 0, n_steps=9)
+POSE = "streams/tcp_pose"
+MISFITS = {
+    "a missing column": (
+        changed(columns=without(EPISODE.columns, "grasp_width")),
+        "episodes/grasp_width is missing",
+    ),
+    "an unknown column": (
+        changed(columns=EPISODE.columns | {"colour": 3}),
+        "episodes/colour has no array in the store",
+    ),
+    "a column that is the writer's": (
+        changed(columns=EPISODE.columns | {"status": 1}),
+        "episodes/status has no array in the store",
+    ),
+    "a missing camera": (changed(cameras={}), "cameras/front/rgb is missing"),
+    "the wrong type": (
+        changed(streams=EPISODE.streams | {"tcp_pose": np.zeros((9, 7))}),
+        f"{POSE}: got float64 (9, 7), valid: float32 (9, 7)",
+    ),
+    "the wrong shape": (
+        changed(streams=EPISODE.streams | {"tcp_pose": np.zeros((9, 6), np.float32)}),
+        f"{POSE}: got float32 (9, 6), valid: float32 (9, 7)",
+    ),
+    "streams of unequal length": (
+        changed(streams=EPISODE.streams | {"tcp_pose": np.zeros((8, 7), np.float32)}),
+        f"{POSE}: got float32 (8, 7), valid: float32 (9, 7)",
+    ),
+    "too long an attempt": (
+        make_episode(CONFIG, 0, n_steps=ROOM + 1),
+        f"streams/timestamp: got float64 ({ROOM + 1},), valid: float64 ({ROOM},)",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", MISFITS)
+def test_an_episode_that_does_not_fit_is_refused_and_leaves_no_trace(
+    tmp_path: Path, what: str
+) -> None:
+    episode, message = MISFITS[what]
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 1, {})
+    before = tree(tmp_path / "out")
+    with pytest.raises(StoreError) as caught:
+        ZarrWriter(tmp_path / "out").write_block(0, [episode])
+    assert str(caught.value) == f"episode 0: {message}"
+    assert tree(tmp_path / "out") == before
+
+
+class Crash(Exception):
+    pass
+
+
+def test_a_crash_before_any_array_leaves_the_block_pending_and_redone_to_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_all(tmp_path / "want", CONFIG, 2)
+    write_all(tmp_path / "out", CONFIG, 2)
+    writer, rows = ZarrWriter(tmp_path / "out"), make_rows(CONFIG, 0, 2, quarantined=(1,))
+    write, left = zarr.Array.__setitem__, 0
+
+    def crash_when_none_is_left(array: Any, selection: Any, value: Any) -> None:
+        nonlocal left
+        if left == 0:
+            raise Crash
+        left -= 1
+        write(array, selection, value)
+
+    arrays = len(schema.expand(CONFIG))
+    for survivors in range(arrays):
+        left = survivors
+        with monkeypatch.context() as patch, pytest.raises(Crash):
+            patch.setattr(zarr.Array, "__setitem__", crash_when_none_is_left)
+            writer.write_block(0, rows)
+        assert pending_blocks(tmp_path / "out", 2) == [0], f"after {survivors} arrays"
+        if survivors % 8 == 0 or survivors == arrays - 1:
+            writer.write_block(0, rows)
+            assert_same_tree(tmp_path / "want", tmp_path / "out")
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from fake_episodes import make_rows, small_config
+from grasp_factory.writers import ZarrWriter
+writer, rows = ZarrWriter(Path({path!r})), make_rows(small_config(block_size=2), 0, 2, (1,))
+left, replace = {survivors}, Path.replace
+def kill_when_none_is_left(self, target):  # LocalStore has written aside and is about to rename
+    global left
+    if left == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    left -= 1
+    return replace(self, target)
+Path.replace = kill_when_none_is_left
+writer.write_block(0, rows)
+"""
+
+
+@pytest.mark.parametrize("survivors", [0, 25, -1])
+def test_a_process_killed_while_writing_leaves_nothing_that_stays(
+    tmp_path: Path, survivors: int
+) -> None:
+    write_all(tmp_path / "want", CONFIG, 2)
+    path, tests = tmp_path / "out", str(Path(__file__).parent)
+    prepare_store(path, CONFIG, JOINTS, 2, {})
+    survivors %= len(schema.expand(CONFIG))
+    code = KILLED.format(tests=tests, path=str(path), survivors=survivors)
+    done = subprocess.run([sys.executable, "-c", code], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert len(list(path.rglob("*.partial"))) == 1
+    assert pending_blocks(path, 2) == [0]
+    ZarrWriter(path).write_block(0, make_rows(CONFIG, 0, 2, quarantined=(1,)))
+    assert_same_tree(tmp_path / "want", path)
+
+
+SHARED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from fake_episodes import make_rows, small_config
+from grasp_factory.writers import ZarrWriter
+writer = ZarrWriter(Path({path!r}))
+for block in range(int(sys.argv[1]), 8, 2):
+    writer.write_block(block, make_rows(small_config(block_size=2), block, 16, (1,)))
+"""
+
+
+def test_two_processes_with_their_own_blocks_lose_nothing(tmp_path: Path) -> None:
+    write_all(tmp_path / "want", CONFIG, 16)
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 16, {})
+    code = SHARED.format(tests=str(Path(__file__).parent), path=str(tmp_path / "out"))
+    both = [subprocess.Popen([sys.executable, "-c", code, first]) for first in "01"]
+    assert [process.wait(60) for process in both] == [0, 0]
+    assert_same_tree(tmp_path / "want", tmp_path / "out")
+
+
+def test_everything_is_on_the_disk_before_the_block_is_committed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 2, {})
+    writer, events = ZarrWriter(tmp_path / "out"), []
+    write, sync = zarr.Array.__setitem__, zarr_module.fsync
+
+    def log_write(array: Any, selection: Any, value: Any) -> None:
+        events.append(("write", array.path))
+        write(array, selection, value)
+
+    def log_sync(paths: Any) -> None:
+        paths = list(paths)
+        names = [str(path.relative_to(tmp_path / "out")) for path in paths]
+        events.extend(("sync", name) for name in names)
+        sync(paths)
+
+    monkeypatch.setattr(zarr.Array, "__setitem__", log_write)
+    monkeypatch.setattr(zarr_module, "fsync", log_sync)
+    for _ in range(2):
+        events.clear()
+        writer.write_block(0, make_rows(CONFIG, 0, 2))
+    commit = events.index(("write", "episodes/status"))
+    assert events[0] == ("sync", "episodes/status")  # the old marker is gone for good
+    assert events[commit + 1 :] == [("sync", "episodes/status/0"), ("sync", "episodes/status")]
+    synced = {name for what, name in events[1:commit] if what == "sync"}
+    written = {name for what, name in events[1:commit] if what == "write"}
+    assert written == {row.path for row in schema.expand(CONFIG)} - {"episodes/status"}
+    files = {name for name in tree(tmp_path / "out") if not name.endswith("zarr.json")}
+    assert synced == written | files - {"episodes/status/0"}
+
+
+def test_it_opens_only_what_is_a_store(tmp_path: Path) -> None:
+    with pytest.raises(StoreMismatchError) as caught:
+        ZarrWriter(tmp_path / "none")
+    assert str(caught.value) == f"there is no store at {tmp_path / 'none'}"
