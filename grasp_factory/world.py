@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,21 @@ CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so it is
 Row = tuple[Any, ...]
 
 
+@cache
+def _with_packages(path: Path) -> str:
+    """Return a file for the loader, which finds meshes by absolute path only.
+
+    The file lives in memory as long as the process: a killed worker leaves nothing behind, and
+    no other content can come under its name, for the loader caches files by name.
+    """
+    text = path.read_text(encoding="utf-8")
+    if "package://pybullet_data/" not in text:
+        return str(path)
+    file = os.memfd_create(path.name)
+    os.write(file, text.replace("package://pybullet_data", str(DATA)).encode())
+    return f"/proc/self/fd/{file}"
+
+
 class World:
     """One physics client. An episode starts with ``reset`` and builds everything again."""
 
@@ -55,8 +70,6 @@ class World:
             )
         self._client: int = p.connect(p.DIRECT)
         self._sealed = False
-        self._scratch = tempfile.TemporaryDirectory(prefix="grasp-factory-")
-        self._prepared: dict[str, str] = {}
 
     def __enter__(self) -> World:
         return self
@@ -67,7 +80,6 @@ class World:
     def close(self) -> None:
         """Disconnect the client."""
         p.disconnect(physicsClientId=self._client)
-        self._scratch.cleanup()
 
     # -- building -------------------------------------------------------------------------
 
@@ -102,7 +114,7 @@ class World:
         try:
             with _muted(1):
                 body: int = p.loadURDF(
-                    self._with_packages(path),
+                    _with_packages(path),
                     pose.position,
                     pose.quat_xyzw,
                     useFixedBase=fixed,
@@ -283,16 +295,3 @@ class World:
     def _refuse_when_sealed(self, what: str) -> None:
         if self._sealed:
             raise GraspFactoryError(f"cannot {what}: the scene is built, only physics moves it now")
-
-    def _with_packages(self, path: Path) -> str:
-        """Return a file that the loader understands: it finds meshes by absolute path only."""
-        key = str(path)
-        if key not in self._prepared:
-            text = path.read_text(encoding="utf-8")
-            if "package://pybullet_data/" in text:
-                prepared = Path(self._scratch.name) / path.name
-                prepared.write_text(text.replace("package://pybullet_data", str(DATA)))
-                self._prepared[key] = str(prepared)
-            else:
-                self._prepared[key] = key
-        return self._prepared[key]

@@ -1,0 +1,280 @@
+"""The ``grasp-factory`` command: parse, call one function, print.
+
+What is slow to import is imported by the command that needs it, so that ``--help`` is quick.
+"""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+from grasp_factory import __version__
+from grasp_factory.config import FactoryConfig, read_yaml
+from grasp_factory.errors import GraspFactoryError, UsageError
+from grasp_factory.records import to_plain
+from grasp_factory.request import Request, resolve_request
+
+if TYPE_CHECKING:
+    from grasp_factory.factory import Summary
+
+DEFAULTS = Request(config=FactoryConfig())
+_SIZE = "x".join(str(side) for side in DEFAULTS.config.resolution)
+EXIT_DONE, EXIT_FAILURE, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
+STORE = click.argument("path", type=click.Path(path_type=Path))
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts.")
+
+
+@click.group(
+    invoke_without_command=True,
+    subcommand_metavar="COMMAND [ARGS]...",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, prog_name="grasp-factory")
+@click.pass_context
+def cli(ctx: click.Context) -> None:
+    """Make datasets of robot grasps in simulation, and look at them."""
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+def _resolution(text: str) -> list[int]:
+    match = re.fullmatch(r"(\d{1,6})[xX](\d{1,6})", text)
+    if not match:
+        raise click.BadParameter(f"{text!r}: expected WIDTHxHEIGHT in pixels, such as 640x480")
+    return [int(side) for side in match.groups()]
+
+
+def _weighted(text: str) -> tuple[str, float]:
+    name, colon, weight = text.partition(":")
+    try:
+        return name, float(weight) if colon else 1.0
+    except ValueError:
+        raise click.BadParameter(f"{text!r}: expected NAME or NAME:WEIGHT, as in x:2") from None
+
+
+@cli.command()
+@click.option("--n", type=int, help=f"Episodes that the store shall have.  [default: {DEFAULTS.n}]")
+@click.option(
+    "--seed", type=int, help=f"What all chance follows from.  [default: {DEFAULTS.config.seed}]"
+)
+@click.option(
+    "--workers", type=int, help=f"Processes; 1 works without a pool.  [default: {DEFAULTS.workers}]"
+)
+@click.option("--out", type=click.Path(), help=f"The store.  [default: {DEFAULTS.out}]")
+@click.option("--robot", help=f"One of `grasp-factory robots`.  [default: {DEFAULTS.config.robot}]")
+@click.option(
+    "--policy",
+    "policies",
+    type=_weighted,
+    metavar="NAME[:WEIGHT]",
+    multiple=True,
+    help="One of `grasp-factory policies`, with the weight of its share; repeatable.",
+)
+@click.option(
+    "--objects",
+    "object_sets",
+    type=_weighted,
+    metavar="NAME[:WEIGHT]",
+    multiple=True,
+    help="One of `grasp-factory objects`, with the weight of its share; repeatable.",
+)
+@click.option(
+    "--resolution",
+    type=_resolution,
+    metavar="WxH",
+    help=f"Of all images, pixels.  [default: {_SIZE}]",
+)
+@click.option(
+    "--record-hz", type=int, help=f"Of the streams.  [default: {DEFAULTS.config.record_hz}]"
+)
+@click.option(
+    "--set",
+    "assignments",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Any config key, dotted, with a YAML value, such as motion.grip_force=30.",
+)
+@click.option(
+    "--config",
+    "file",
+    type=click.Path(path_type=Path),
+    help="YAML file with any of these settings; options win over it.",
+)
+@click.option("--print-config", is_flag=True, help="Print the settings as YAML and make nothing.")
+@click.option("--quiet", is_flag=True, help="Print errors only.")
+@AS_JSON
+def generate(
+    *, file: Path | None, assignments: tuple[str, ...], print_config: bool, quiet: bool,
+    as_json: bool, **flags: Any,
+) -> None:  # fmt: skip
+    """Make grasp episodes, or complete a store.
+
+    The same settings give the same episodes, whatever the number of workers; what is there
+    already stays as it is. So a run may be stopped, and started again with the same command.
+    """
+    settings = {key: value for key, value in flags.items() if value not in (None, ())}
+    for key in {"policies", "object_sets"} & settings.keys():
+        settings[key] = dict(settings[key])
+    request = resolve_request(read_yaml(file) if file else {}, settings, assignments)
+    if print_config:
+        from grasp_factory.factory import check_names
+
+        check_names(request.config)
+        click.echo(request.to_yaml(), nl=False)
+        return
+    try:
+        summary = _generate(request, quiet=quiet)
+    except KeyboardInterrupt:
+        _stopped(request)
+    if as_json:
+        _print_json(summary)
+    elif not quiet:
+        from grasp_factory.report import summary_text
+
+        click.echo(summary_text(summary))
+
+
+@cli.command()
+@STORE
+@AS_JSON
+def info(path: Path, as_json: bool) -> None:
+    """Say what the store at PATH holds."""
+    from grasp_factory import report
+    from grasp_factory.dataset import Dataset
+    from grasp_factory.summary import summarise
+
+    dataset = Dataset.open(path)
+    store, arrays = summarise(dataset), report.array_facts(path)
+    if as_json:
+        more = {"attributes": dict(dataset.attributes), "arrays": arrays}
+        _print_json(to_plain(store) | more)
+        return
+    click.echo(report.store_text(store, ("policy", "outcome", "object set", "split")))
+    click.echo("\n" + report.arrays_text(arrays))
+    click.echo("\n" + report.origin_text(dataset.attributes))
+
+
+@cli.command()
+@STORE
+@click.argument("index", type=int)
+@AS_JSON
+@click.pass_context
+def replay(ctx: click.Context, path: Path, index: int, as_json: bool) -> None:
+    """Make a stored episode again and compare.
+
+    Runs the recipe of episode INDEX of the store at PATH. Exits with 0 if the result is the same,
+    byte for byte, and with 1 if it is not.
+    """
+    from grasp_factory.replay import replay as run
+    from grasp_factory.report import replay_text
+
+    result = run(path, index)
+    if as_json:
+        _print_json(result)
+    else:
+        click.echo(replay_text(result))
+    ctx.exit(EXIT_DONE if result.same else EXIT_FAILURE)
+
+
+@cli.command()
+@STORE
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option(
+    "--episodes", metavar="I,J,...", help="Which ones.  [default: up to 12, both classes]"
+)
+@click.option("--camera", help="Which one.  [default: the first]")
+def sheet(path: Path, out: Path, episodes: str | None, camera: str | None) -> None:
+    """Draw a contact sheet of a store.
+
+    The PNG image OUT gets a row for each episode of the store at PATH: before, after, depth and
+    segmentation, labelled with the outcome.
+    """
+    from grasp_factory.dataset import Dataset
+    from grasp_factory.sheet import sheet_of, write_png
+
+    dataset = Dataset.open(path)
+    wanted = None if episodes is None else _indices(episodes)
+    image = sheet_of(dataset, wanted, camera or next(iter(dataset.config.cameras)))
+    write_png(out, image)
+    click.echo(out)
+
+
+@cli.command()
+@AS_JSON
+def robots(as_json: bool) -> None:
+    """List the robots."""
+    from grasp_factory.robots import ROBOTS
+
+    _print_table(ROBOTS, as_json)
+
+
+@cli.command()
+@AS_JSON
+def policies(as_json: bool) -> None:
+    """List the policies, which choose grasps from images."""
+    from grasp_factory.policies import POLICIES
+
+    _print_table(POLICIES, as_json)
+
+
+@cli.command()
+@AS_JSON
+def objects(as_json: bool) -> None:
+    """List the sets of objects."""
+    from grasp_factory.objects import OBJECT_SETS
+
+    _print_table(OBJECT_SETS, as_json)
+
+
+def _generate(request: Request, *, quiet: bool) -> Summary:
+    from grasp_factory.factory import generate as run
+    from grasp_factory.progress import Progress
+
+    with Progress(quiet=quiet) as progress:
+        return run(
+            request.config,
+            request.n,
+            request.out,
+            request.workers,
+            on_start=progress.start,
+            on_episode=progress.episode,
+        )
+
+
+def _stopped(request: Request) -> NoReturn:
+    from grasp_factory.dataset import Dataset
+
+    try:
+        made = f"{len(Dataset.open(request.out).committed)} episodes are in {request.out}"
+    except GraspFactoryError:
+        made = "nothing is made yet"
+    click.echo(f"Stopped: {made}; run the same command again to go on.", err=True)
+    sys.exit(EXIT_INTERRUPTED)
+
+
+def _indices(text: str) -> list[int]:
+    if not re.fullmatch(r"\d{1,9}(,\d{1,9})*", text):
+        raise UsageError(f"--episodes {text!r}: expected indices with commas, such as 0,3,7")
+    return [int(word) for word in text.split(",")]
+
+
+def _print_json(record: Any) -> None:
+    click.echo(json.dumps(to_plain(record), indent=2))
+
+
+def _print_table(table: Mapping[str, Any], as_json: bool) -> None:
+    rows: Iterable[tuple[str, str]] = [(name, row.description) for name, row in table.items()]
+    if as_json:
+        _print_json(dict(rows))
+        return
+    width = max(len(name) for name in table)
+    for name, description in rows:
+        click.echo(f"{name.ljust(width)}  {description}")

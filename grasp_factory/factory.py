@@ -1,0 +1,191 @@
+"""The factory: which blocks are missing, make them on an executor, say what came of it."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from grasp_factory.config import FactoryConfig
+from grasp_factory.dataset import Dataset
+from grasp_factory.episode import Episode
+from grasp_factory.errors import RecipeError, lookup
+from grasp_factory.executors import Report, make_executor
+from grasp_factory.objects import OBJECT_SETS
+from grasp_factory.policies import POLICIES
+from grasp_factory.request import Request
+from grasp_factory.robots import ROBOTS, RobotModel
+from grasp_factory.rollout import run_episode
+from grasp_factory.runlog import RunLog
+from grasp_factory.sampling import sample_spec
+from grasp_factory.summary import StoreSummary, summarise
+from grasp_factory.world import World
+from grasp_factory.writers.base import Quarantined
+from grasp_factory.writers.lock import StoreLock
+from grasp_factory.writers.store import pending_blocks, prepare_store
+from grasp_factory.writers.zarr import ZarrWriter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What a run is about to do."""
+
+    path: Path
+    config: FactoryConfig
+    episodes: int
+    """Rows of the store."""
+    to_make: int
+    """Episodes in the blocks that are not there yet."""
+    blocks: tuple[int, ...]
+    workers: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made:
+    """One episode, in few words: what travels from a worker instead of its images."""
+
+    index: int
+    policy: str
+    outcome: str
+    """``quarantined`` for a recipe that could not be built."""
+    reason: str = ""
+    """Why it is quarantined."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What a run did, and what the store holds now."""
+
+    asked: int
+    made: int
+    already_there: int
+    """Of those asked for."""
+    seconds: float
+    episodes_per_second: float | None
+    """None when nothing was to be made."""
+    store: StoreSummary
+
+
+def generate(
+    config: FactoryConfig,
+    n: int,
+    out: Path | str,
+    workers: int = 2,
+    *,
+    on_start: Callable[[Plan], None] = lambda plan: None,
+    on_episode: Callable[[Made], None] = lambda made: None,
+) -> Summary:
+    """Make sure that the store at ``out`` holds episodes 0 to ``n`` - 1 of ``config``.
+
+    What is there stays as it is; a run that was stopped goes on where it was. With more than one
+    worker, call it under ``if __name__ == "__main__":``, as everything that spawns processes.
+
+    Args:
+        config: what decides the episodes' content.
+        n: how many episodes the store shall have.
+        out: the store, new or of the same config.
+        workers: processes; 1 works in this one.
+        on_start: called once with the plan, after every check and before the first episode.
+        on_episode: called for each episode as it is made; its block is committed later.
+
+    Raises:
+        UsageError: for what cannot be done; nothing has been written.
+        StoreError: if the store cannot be written, or another process is writing to it.
+        WorkerError: if a worker died; the blocks that were committed stay.
+    """
+    request = Request(config=config, n=n, workers=workers, out=Path(out))
+    robot = check_names(config)
+    path, start = request.out, time.monotonic()
+    with StoreLock(path):
+        prepare_store(path, config, len(robot.arm_joints), n, {"robot": robot.facts()})
+        plan = _plan(request)
+        on_start(plan)
+        if plan.blocks:
+            with RunLog(path, request) as log:
+                task = functools.partial(make_block, config=config, path=path)
+
+                def count(made: Made) -> None:
+                    log.count()
+                    on_episode(made)
+
+                make_executor(workers).run(task, plan.blocks, count)
+        seconds = time.monotonic() - start
+        return Summary(
+            asked=n,
+            made=plan.to_make,
+            already_there=_there(plan, n),
+            seconds=round(seconds, 3),
+            episodes_per_second=round(plan.to_make / seconds, 3) if plan.blocks else None,
+            store=summarise(Dataset.open(path)),
+        )
+
+
+def check_names(config: FactoryConfig) -> RobotModel:
+    """Check every name in a config against its table and return the robot.
+
+    Raises:
+        UnknownNameError: naming the kind, the nearest and all valid names.
+    """
+    for policy in config.policies:
+        lookup(POLICIES, "policy", policy)
+    for object_set in config.object_sets:
+        lookup(OBJECT_SETS, "object set", object_set)
+    return lookup(ROBOTS, "robot", config.robot)
+
+
+def make_block(block: int, report: Report, *, config: FactoryConfig, path: Path) -> list[Made]:
+    """Make a whole block and write it. Runs in a worker; only ``Made`` records leave it."""
+    writer = ZarrWriter(path)
+    rows: list[Episode | Quarantined] = []
+    done: list[Made] = []
+    with World() as world:
+        for index in block_range(block, config.block_size, writer.length):
+            row = _make_row(world, config, index)
+            rows.append(row)
+            done.append(_in_few_words(row))
+            report(done[-1])
+    writer.write_block(block, rows)
+    return done
+
+
+def block_range(block: int, block_size: int, length: int) -> range:
+    """Return the episodes of a block in a store of ``length`` rows."""
+    return range(block * block_size, min((block + 1) * block_size, length))
+
+
+def _make_row(world: World, config: FactoryConfig, index: int) -> Episode | Quarantined:
+    spec = sample_spec(config, index)
+    try:
+        return run_episode(world, spec)
+    except RecipeError as error:
+        return Quarantined(spec, str(error))
+
+
+def _in_few_words(row: Episode | Quarantined) -> Made:
+    more: dict[str, Any] = {"index": row.spec.index, "policy": row.spec.policy}
+    if isinstance(row, Quarantined):
+        return Made(outcome="quarantined", reason=row.reason, **more)
+    return Made(outcome=row.outcome.name.lower(), **more)
+
+
+def _plan(request: Request) -> Plan:
+    blocks = tuple(pending_blocks(request.out, request.n))
+    length = len(Dataset.open(request.out))
+    size = request.config.block_size
+    return Plan(
+        path=request.out,
+        config=request.config,
+        episodes=length,
+        to_make=sum(len(block_range(block, size, length)) for block in blocks),
+        blocks=blocks,
+        workers=request.workers,
+    )
+
+
+def _there(plan: Plan, n: int) -> int:
+    """Return how many of the first ``n`` episodes no block of the plan holds."""
+    size = plan.config.block_size
+    return n - sum(len(block_range(block, size, min(n, plan.episodes))) for block in plan.blocks)

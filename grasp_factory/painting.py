@@ -1,0 +1,128 @@
+"""Pictures of an episode's arrays, and the few shapes and letters a sheet is drawn with.
+
+Images are BGR uint8, as OpenCV wants them.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.camera import project
+from grasp_factory.episode import CameraFrames, Episode
+from grasp_factory.geometry import Array, apply, inverse, quat_xyzw_to_matrix, transform
+from grasp_factory.outcome import Label, names
+
+Image = NDArray[np.uint8]
+Color = tuple[int, int, int]
+
+INK: Color = (45, 40, 38)
+PALE: Color = (140, 132, 128)
+PAPER: Color = (250, 249, 248)
+WHITE: Color = (255, 255, 255)
+GREEN: Color = (78, 142, 40)
+RED: Color = (52, 52, 200)
+GRASP_COLOR: Color = (255, 0, 255)
+NOTHING: Color = (70, 66, 64)
+"""Where a depth image sees nothing."""
+
+LABEL_COLORS: dict[str, Color] = {
+    "background": (52, 48, 46),
+    "floor": (112, 104, 100),
+    "table": (150, 190, 214),
+    "arm": (186, 130, 60),
+    "gripper": (60, 176, 245),
+    "target": (70, 60, 224),
+}
+"""By the words of ``Label``."""
+OTHER_COLORS: tuple[Color, ...] = ((160, 176, 70), (176, 90, 150), (90, 200, 140), (200, 150, 220))
+"""Objects beyond the target take these in turn."""
+
+NEAR = 0.01
+"""Metres in front of the camera below which no grasp is drawn."""
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def put_text(
+    image: Image, text: str, at: tuple[int, int], color: Color = INK, height: int = 13
+) -> int:
+    """Write ASCII text with its left end and vertical middle at ``at``; return its width."""
+    scale = height / 22.0  # the font's capitals are 22 px high at scale 1
+    (width, _), _ = cv2.getTextSize(text, _FONT, scale, 1)
+    origin = (at[0], at[1] + round(height * 0.5))
+    cv2.putText(image, text, origin, _FONT, scale, color, 1, cv2.LINE_AA)
+    return int(width)
+
+
+def put_badge(image: Image, text: str, at: tuple[int, int], color: Color, height: int = 22) -> int:
+    """Draw white text in a rounded box whose left middle is at ``at``; return its width."""
+    (text_width, _), _ = cv2.getTextSize(text, _FONT, 13 / 22.0, 1)
+    width, radius = int(text_width) + height, height // 2
+    x, y = at
+    ends = [(x + radius, y), (x + width - radius, y)]
+    for end in ends:
+        cv2.circle(image, end, radius, color, cv2.FILLED, cv2.LINE_AA)
+    cv2.rectangle(
+        image, (ends[0][0], y - radius), (ends[1][0], y + radius), color, cv2.FILLED, cv2.LINE_AA
+    )
+    put_text(image, text, (x + radius, y), WHITE)
+    return width
+
+
+def depth_picture(depth: NDArray[np.float32], near: float, far: float, nothing: float) -> Image:
+    """Return a depth image (H, W) in metres as colours: ``near`` red, ``far`` blue.
+
+    Pixels at ``nothing`` metres or beyond, where the camera sees nothing, are dark.
+    """
+    share = np.clip((far - np.nan_to_num(depth)) / max(far - near, 1e-6), 0.0, 1.0)
+    colors = cv2.applyColorMap((share * 255.0).astype(np.uint8), cv2.COLORMAP_TURBO)
+    colors[~(depth < nothing)] = NOTHING  # NaN as well
+    return np.asarray(colors, np.uint8)
+
+
+def depth_bar(width: int, height: int) -> Image:
+    """Return the legend of ``depth_picture``, from near on the left to far on the right."""
+    return depth_picture(np.tile(np.linspace(0, 1, width, dtype=np.float32), (height, 1)), 0, 1, 9)
+
+
+def label_picture(segmentation: NDArray[np.uint8]) -> Image:
+    """Return a segmentation image (H, W) with one colour per label."""
+    return label_palette()[segmentation]
+
+
+def label_palette() -> Image:
+    """Return the colour of every label value, (256, 3)."""
+    words = names(Label)
+    table = [LABEL_COLORS[word] for word in words]
+    more = 256 - len(table)
+    table += [OTHER_COLORS[i % len(OTHER_COLORS)] for i in range(more)]
+    return np.array(table, np.uint8)
+
+
+def grasp_pixels(episode: Episode, frames: CameraFrames) -> Array | None:
+    """Return the pixels (4, 2) of a grasp, or None where nothing was planned.
+
+    They are left pad, right pad, TCP, and 5 cm back along the approach; the pads stand as far
+    apart as before closing.
+    """
+    columns = episode.columns
+    T = transform(quat_xyzw_to_matrix(columns["grasp_quat_xyzw"]), columns["grasp_position"])
+    half = columns["grasp_width"] / 2.0
+    local = np.array([[0, half, 0], [0, -half, 0], [0, 0, 0], [0, 0, -0.05]], np.float64)
+    camera = apply(inverse(frames.T_world_camera), apply(T, local))
+    if not (camera[:, 2] > NEAR).all():  # behind the camera, or NaN
+        return None
+    pixels = project(camera, frames.intrinsics)
+    return pixels if np.isfinite(pixels).all() else None
+
+
+def put_grasp(image: Image, pixels: Array) -> None:
+    """Draw a grasp: a bar between the pads, a stem along the approach, both finely outlined."""
+    left, right, tcp, back = (tuple(int(v) for v in np.rint(p)) for p in pixels)
+    for color, thickness in ((WHITE, 4), (GRASP_COLOR, 2)):
+        cv2.line(image, left, right, color, thickness, cv2.LINE_AA)
+        cv2.line(image, tcp, back, color, thickness, cv2.LINE_AA)
+        for pad in (left, right):
+            cv2.circle(image, pad, thickness, color, cv2.FILLED, cv2.LINE_AA)

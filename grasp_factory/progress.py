@@ -1,0 +1,56 @@
+"""What a person sees on stderr while a dataset is made."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+
+import click
+from tqdm import tqdm  # type: ignore[import-untyped]
+
+from grasp_factory.factory import Made, Plan
+from grasp_factory.report import percent, plan_text
+
+_BAR = "{percentage:3.0f} % |{bar}| {n}/{total} [{elapsed}, {remaining} left, {rate_fmt}{postfix}]"
+tqdm.monitor_interval = 0  # no helper thread: signals and spawned workers stay simple
+
+
+class Progress:
+    """Says what will be done, then shows a bar; the bar only where stderr is a terminal."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet = quiet
+        self._bar: tqdm | None = None
+        self._made = self._successes = 0
+
+    def start(self, plan: Plan) -> None:
+        """Say what the run is about to do."""
+        if self._quiet:
+            return
+        click.echo(plan_text(plan), err=True)
+        if plan.blocks and sys.stderr.isatty():
+            self._bar = tqdm(total=plan.to_make, bar_format=_BAR, unit="ep", dynamic_ncols=True)
+
+    def episode(self, made: Made) -> None:
+        """Count an episode."""
+        if made.outcome == "quarantined" and not self._quiet:
+            tqdm.write(f"episode {made.index} is quarantined: {made.reason}", file=sys.stderr)
+        self._made += made.outcome != "quarantined"
+        self._successes += made.outcome == "success"
+        if self._bar is not None:
+            rate = self._successes / self._made if self._made else None
+            self._bar.set_postfix_str(f"success {percent(rate)}", refresh=False)
+            self._bar.update()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the bar."""
+        if self._bar is not None:
+            self._bar.close()

@@ -1,0 +1,126 @@
+"""Running a stored recipe again, to see whether it still gives the stored episode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.config import FactoryConfig
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import RecipeError, StoreError, UsageError
+from grasp_factory.rollout import run_episode
+from grasp_factory.world import World
+from grasp_factory.writers.header import root_attributes
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replay:
+    """What came of running a stored recipe again."""
+
+    index: int
+    same: bool
+    """Every array has the same bytes."""
+    recorded: str
+    """Outcome, or why the recipe could not be built."""
+    replayed: str
+    difference: str
+    """The first array that differs, and how; empty when none does."""
+    changed: tuple[str, ...]
+    """Versions and platform facts that are not those of the recording."""
+
+
+def replay(path: Path, index: int) -> Replay:
+    """Run the recipe of one stored episode in a fresh world and compare.
+
+    Raises:
+        UsageError: for an index that the store does not have, or an episode not made yet.
+        StoreError: if the stored episode is damaged.
+    """
+    dataset = Dataset.open(path)
+    index = check_index(dataset, index)
+    changed = tuple(changed_since(dataset.attributes))
+    quarantined = dataset.status[index] == 2
+    recorded = str(dataset.column("error")[index]) if quarantined else ""
+    before: Arrays = {}
+    if not quarantined:
+        if not dataset.verify(index):
+            raise StoreError(f"{path} is damaged: episode {index} does not match its checksum")
+        episode = dataset[index]
+        before, recorded = episode.contents(), episode.outcome.name.lower()
+    try:
+        with World() as world:
+            again = run_episode(world, dataset.spec(index))
+        after, replayed = again.contents(), again.outcome.name.lower()
+    except RecipeError as error:
+        after, replayed = {}, str(error)
+    difference = first_different(before, after)
+    return Replay(
+        index=index,
+        same=not difference and recorded == replayed,
+        recorded=recorded,
+        replayed=replayed,
+        difference=difference,
+        changed=changed,
+    )
+
+
+def check_index(dataset: Dataset, index: int) -> int:
+    """Return the index if the store has an episode there, made or quarantined.
+
+    Raises:
+        UsageError: naming the valid indices.
+    """
+    if not 0 <= index < len(dataset):
+        raise UsageError(f"episode {index}: {dataset.path} has episodes 0 to {len(dataset) - 1}")
+    if dataset.status[index] == 0:
+        raise UsageError(
+            f"episode {index} of {dataset.path} is not made yet: run its generate command again"
+        )
+    return index
+
+
+def first_different(before: Arrays, after: Arrays) -> str:
+    """Return the first array, by path, that is not the same byte for byte, and how it differs."""
+    for path in sorted({*before, *after}):
+        if path not in after:
+            return f"{path} is missing in the replay"
+        if path not in before:
+            return f"{path} is missing in the store"
+        a, b = before[path], after[path]
+        if (a.shape, a.dtype) != (b.shape, b.dtype):
+            return f"{path}: {a.dtype} {a.shape} against {b.dtype} {b.shape}"
+        if a.tobytes() != b.tobytes():
+            return f"{path}: {_how_far(a, b)}"
+    return ""
+
+
+def changed_since(attributes: Mapping[str, Any]) -> list[str]:
+    """Return ``what: recorded, now present`` for each version and platform fact that changed."""
+    out = []
+    for group, now in _here().items():
+        then = attributes.get(group, {})
+        for key in now:
+            if then.get(key) != now[key]:
+                out.append(f"{key}: {then.get(key, 'unknown')}, now {now[key]}")
+    return out
+
+
+def _here() -> dict[str, dict[str, str]]:
+    ours = root_attributes(FactoryConfig(), {})
+    return {group: ours[group] for group in ("versions", "platform")}
+
+
+def _how_far(a: NDArray[Any], b: NDArray[Any]) -> str:
+    if a.dtype.kind not in "fiub":
+        return f"{a!s:.60} against {b!s:.60}"
+    a, b = a.astype(np.float64), b.astype(np.float64)
+    same = np.isclose(a, b, rtol=0.0, atol=0.0, equal_nan=True)
+    most = np.nanmax(np.abs(a - b), initial=0.0)
+    return f"{int((~same).sum())} of {a.size} values differ, by {most:.3g} at most"

@@ -1,0 +1,156 @@
+"""Results as text for people. Scripts take the same records as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from grasp_factory.factory import Plan, Summary
+from grasp_factory.replay import Replay
+from grasp_factory.summary import StoreSummary, Tally
+
+
+def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
+    """Return rows as aligned columns; those whose position is in ``right`` are right-aligned."""
+    cells = [[str(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    flush = set(right)
+    lines = [
+        "  ".join(
+            cell.rjust(width) if i in flush else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+    return "\n".join(lines)
+
+
+def plan_text(plan: Plan) -> str:
+    """Return one line on what a run is about to do."""
+    there = plan.episodes - plan.to_make
+    if not plan.blocks:
+        return f"{plan.path} is complete: {there} episodes are there."
+    config, rest = plan.config, f", {there} are there" if there else ""
+    width, height = config.resolution
+    return (
+        f"Making {count(plan.to_make, 'episode')} of {config.robot} at {width}x{height},"
+        f" seed {config.seed}, with {count(plan.workers, 'worker')} into {plan.path}{rest}."
+    )
+
+
+def summary_text(summary: Summary) -> str:
+    """Return a run's summary as a small table."""
+    speed = ""
+    if summary.episodes_per_second is not None:
+        speed = f" in {summary.seconds:.1f} s ({summary.episodes_per_second:.2f} episodes/s)"
+    there = f"{summary.already_there} were there" if summary.already_there else ""
+    head = ", ".join(filter(None, [f"{count(summary.made, 'episode')} made{speed}", there]))
+    return "\n\n".join([head, store_text(summary.store, ("policy", "outcome"))])
+
+
+def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
+    """Return a store's counts; ``groups`` are policy, outcome, object set, split."""
+    head = [
+        f"{store.path}: {count(store.committed, 'episode')}, {percent(store.success_rate)} success,"
+        f" {size_text(store.bytes)}"
+    ]
+    if store.bytes_per_episode:
+        head[0] += f" ({size_text(store.bytes_per_episode)} each)"
+    if store.missing:
+        head.append(f"{store.missing} of {store.episodes} are missing: run generate again")
+    if store.quarantined:
+        head.append(f"{store.quarantined} of {store.episodes} are quarantined")
+    tables = {
+        "policy": _tally_table("policy", store.policies),
+        "outcome": _outcome_table(store),
+        "object set": _tally_table("object set", store.object_sets),
+        "split": _tally_table("split", store.splits),
+    }
+    return "\n\n".join(["\n".join(head), *(tables[group] for group in groups)])
+
+
+def array_facts(path: Path) -> list[dict[str, Any]]:
+    """Return path, shape, dtype and units of every array of a store, as its metadata says."""
+    out = []
+    for file in sorted(path.rglob("zarr.json")):
+        about = json.loads(file.read_bytes())
+        if about["node_type"] == "array":
+            out.append(
+                {
+                    "path": str(file.parent.relative_to(path)),
+                    "shape": about["shape"],
+                    "dtype": about["data_type"],
+                    "units": about["attributes"].get("units", ""),
+                }
+            )
+    return out
+
+
+def arrays_text(facts: Iterable[Mapping[str, Any]]) -> str:
+    """Return the arrays of a store as a table."""
+    rows = [
+        (f["path"], " x ".join(map(str, f["shape"])), f["dtype"], f["units"] or "-") for f in facts
+    ]
+    return table([("array", "shape", "dtype", "unit"), *rows])
+
+
+def origin_text(attributes: Mapping[str, Any]) -> str:
+    """Return what a store was made with, and from which config."""
+    facts = {**attributes["versions"], **attributes["platform"]}
+    config = {"sha256": attributes["config_sha256"], **attributes["config"]}
+    text = yaml.safe_dump(config, sort_keys=False, default_flow_style=None, width=88)
+    return f"{table([('made with', ''), *facts.items()])}\n\nconfig\n{text}".rstrip()
+
+
+def replay_text(result: Replay) -> str:
+    """Return what came of a replay."""
+    word = f"episode {result.index} ({result.recorded})"
+    if result.same:
+        lines = [f"{word} replays to the same bytes"]
+    else:
+        lines = [f"{word} does not replay to the same bytes"]
+        if result.recorded != result.replayed:
+            lines.append(
+                f"outcome: {result.recorded} was recorded, the replay gives {result.replayed}"
+            )
+        lines.append(f"first difference: {result.difference or 'the reason of the quarantine'}")
+    if result.changed:
+        lines += ["not as when it was recorded:", *(f"  {change}" for change in result.changed)]
+    elif not result.same:
+        lines.append("versions and platform are those of the recording")
+    return "\n".join(lines)
+
+
+def count(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural unless it is one."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def percent(rate: float | None) -> str:
+    """Return a rate in per cent, or a dash for none."""
+    return "-" if rate is None else f"{100 * rate:.1f} %"
+
+
+def size_text(size: float) -> str:
+    """Return bytes in a readable unit, with powers of 1000."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if size < 1000:
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
+        size /= 1000
+    return f"{size:.1f} TB"
+
+
+def _tally_table(title: str, tallies: Mapping[str, Tally]) -> str:
+    rows = [(key, t.episodes, percent(t.success_rate)) for key, t in tallies.items()]
+    return table([(title, "episodes", "success"), *rows], right=(1, 2))
+
+
+def _outcome_table(store: StoreSummary) -> str:
+    rows = [(word, number) for word, number in store.outcomes.items()]
+    if store.quarantined:
+        rows.append(("quarantined", store.quarantined))
+    return table([("outcome", "episodes"), *rows], right=(1,))

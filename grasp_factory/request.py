@@ -1,0 +1,110 @@
+"""What one run asks for: the config, how many episodes, where to, with how many workers.
+
+Settings come from three places, the later ones winning: a YAML file, the command's flags, and
+``KEY=VALUE`` assignments with dotted keys.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import ConfigError, nearest
+from grasp_factory.records import check
+
+MAX_EPISODES = 1_000_000
+MAX_WORKERS = 512
+RUN_KEYS = ("n", "workers", "out")
+CONFIG_KEYS = tuple(f.name for f in dataclasses.fields(FactoryConfig))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """A checked run: ``config`` decides the content, the rest how much of it, where and how."""
+
+    config: FactoryConfig
+    n: int = 50
+    """Episodes that the store shall have."""
+    workers: int = 2
+    out: Path = Path("grasps.zarr")
+
+    def __post_init__(self) -> None:
+        check_count("n", self.n, MAX_EPISODES)
+        check_count("workers", self.workers, MAX_WORKERS)
+
+    def to_yaml(self) -> str:
+        """Return the settings as YAML, ready to be a config file."""
+        run = {"n": self.n, "workers": self.workers, "out": str(self.out)}
+        return yaml.safe_dump(
+            run | self.config.to_plain(), sort_keys=False, default_flow_style=None, width=100
+        )
+
+
+def check_count(key: str, got: Any, highest: int) -> None:
+    """Check that a number of things is an integer from 1 to ``highest``."""
+    ok = type(got) is int and 1 <= got <= highest
+    check(ok, key, got, f"an integer from 1 to {highest}")
+
+
+def resolve_request(
+    file: Mapping[str, Any], flags: Mapping[str, Any], assignments: Iterable[str] = ()
+) -> Request:
+    """Merge the settings of a config file, flags and ``KEY=VALUE`` texts over the defaults.
+
+    A section such as ``physics`` is merged key by key; a table of names such as ``policies`` or
+    ``cameras`` replaces the default one.
+
+    Raises:
+        ConfigError: naming the key, what it got and what is valid.
+    """
+    settings: dict[str, Any] = FactoryConfig().to_plain()
+    for source in (file, flags):
+        for key, value in source.items():
+            _check_key(str(key))
+            _merge(settings, key, value)
+    for text in assignments:
+        _assign(settings, text)
+    run = {key: settings.pop(key) for key in RUN_KEYS if key in settings}
+    if "out" in run:
+        ok = isinstance(run["out"], str | Path) and str(run["out"]) != ""
+        check(ok, "out", run["out"], "a path")
+        run["out"] = Path(run["out"])
+    return Request(config=FactoryConfig.from_plain(settings), **run)
+
+
+def _check_key(key: str) -> None:
+    valid = (*RUN_KEYS, *CONFIG_KEYS)
+    if key not in valid:
+        raise ConfigError(f"unknown key {key!r}{nearest(key, valid)} (valid: {', '.join(valid)})")
+
+
+def _merge(settings: dict[str, Any], key: str, value: Any) -> None:
+    is_section = dataclasses.is_dataclass(getattr(FactoryConfig(), key, None))
+    if is_section and isinstance(value, Mapping):
+        settings[key] = {**settings[key], **value}
+    else:
+        settings[key] = value
+
+
+def _assign(settings: dict[str, Any], text: str) -> None:
+    key, equals, value = text.partition("=")
+    path = key.strip().split(".")
+    if not equals or not all(path):
+        raise ConfigError(f"--set {text!r}: expected KEY=VALUE, such as motion.grip_force=30")
+    _check_key(path[0])
+    try:
+        parsed = yaml.safe_load(value)
+    except yaml.YAMLError:
+        raise ConfigError(f"--set {text!r}: {value!r} is not a YAML value") from None
+    here: Any = settings
+    for depth, part in enumerate(path[:-1], 1):
+        here = here.get(part)
+        if not isinstance(here, dict):
+            raise ConfigError(f"--set {text!r}: {'.'.join(path[:depth])} has no keys")
+    here[path[-1]] = parsed

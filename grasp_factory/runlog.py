@@ -1,0 +1,71 @@
+"""The diary beside a store: one line per run, with all that must not be in the store itself."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import socket
+import sys
+import time
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+
+from grasp_factory import __version__
+from grasp_factory.errors import StoreMismatchError
+from grasp_factory.request import Request
+
+
+class RunLog:
+    """Appends a line to ``<store>.runs.jsonl`` when its ``with`` block ends, however it ends."""
+
+    def __init__(self, store: Path, request: Request) -> None:
+        self.path = store.with_name(f"{store.name}.runs.jsonl")
+        self._request = request
+        self._made = 0
+
+    def count(self) -> None:
+        """Count an episode as made."""
+        self._made += 1
+
+    def __enter__(self) -> RunLog:
+        """Start the clock.
+
+        Raises:
+            StoreMismatchError: if the diary cannot be written.
+        """
+        try:
+            self.path.open("a").close()
+        except OSError as error:
+            raise StoreMismatchError(f"{self.path} cannot be written: {error.strerror}") from None
+        self._started, self._clock = datetime.now(UTC), time.monotonic()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Write the line."""
+        seconds = time.monotonic() - self._clock
+        line = {
+            "started": self._started.isoformat(timespec="seconds"),
+            "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+            "ended": "done" if kind is None else kind.__name__,
+            "host": socket.gethostname(),
+            "command": shlex.join(sys.argv),
+            "asked": self._request.n,
+            "workers": self._request.workers,
+            "made": self._made,
+            "seconds": round(seconds, 3),
+            "episodes_per_second": round(self._made / seconds, 3) if seconds else None,
+            "versions": {
+                "python": sys.version.split()[0],
+                "grasp_factory": __version__,
+                **{name: version(name) for name in ("pybullet", "numpy", "zarr")},
+            },
+        }
+        with self.path.open("a", encoding="utf-8") as diary:
+            diary.write(json.dumps(line) + "\n")

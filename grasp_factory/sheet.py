@@ -1,0 +1,187 @@
+"""The contact sheet: a picture with one row per episode, to see at a glance what was made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory import painting
+from grasp_factory.dataset import Dataset
+from grasp_factory.episode import CameraFrames, Episode
+from grasp_factory.errors import StoreError, UsageError, lookup
+from grasp_factory.outcome import Label, names
+from grasp_factory.painting import Image
+
+COLUMNS = ("before", "after", "depth before", "segmentation before")
+PANEL_WIDTH = 320
+MARGIN, GAP = 16, 6
+HEADER, CAPTION = 58, 34
+"""Pixels above the first row, and above each row's panels."""
+WORTH_TELLING = 0.005
+"""Metres of lift."""
+
+
+def choose_episodes(success: NDArray[np.bool_], most: int = 12) -> NDArray[np.int64]:
+    """Return up to ``most`` positions, spread evenly, with both classes where both exist."""
+    good, bad = np.flatnonzero(success), np.flatnonzero(~success)
+    n_good = min(len(good), max((most + 1) // 2, most - len(bad)))
+    n_bad = min(len(bad), most - n_good)
+    return np.sort(np.concatenate([_spread(good, n_good), _spread(bad, n_bad)]))
+
+
+def sheet_of(dataset: Dataset, indices: Sequence[int] | None, camera: str) -> Image:
+    """Return the sheet of a store's episodes; without ``indices``, of a choice of them.
+
+    Raises:
+        UsageError: for an index that the store does not have, or a store without episodes.
+        StoreError: for an episode that is not made, or quarantined.
+    """
+    if indices is None:
+        committed = dataset.committed
+        chosen = choose_episodes(dataset.column("success")[committed])
+        indices = [int(i) for i in committed[chosen]]
+    for index in indices:
+        if not 0 <= index < len(dataset):
+            raise UsageError(
+                f"episode {index}: {dataset.path} has episodes 0 to {len(dataset) - 1}"
+            )
+    return draw_sheet([dataset[index] for index in indices], camera)
+
+
+def draw_sheet(episodes: Sequence[Episode], camera: str) -> Image:
+    """Return the sheet, BGR: a caption and four panels for each episode.
+
+    Raises:
+        UsageError: without episodes.
+        UnknownNameError: for a camera that the episodes do not have.
+    """
+    if not episodes:
+        raise UsageError("there is no episode to draw")
+    first = lookup(episodes[0].cameras, "camera", camera)
+    panel = _panel_size(first)
+    height = HEADER + len(episodes) * (CAPTION + panel[1] + GAP) + MARGIN
+    width = 2 * MARGIN + len(COLUMNS) * panel[0] + (len(COLUMNS) - 1) * GAP
+    sheet: Image = np.full((height, width, 3), painting.PAPER, np.uint8)
+    span = _depth_span(episodes, camera)
+    _draw_header(sheet, panel[0], span)
+    for i, episode in enumerate(episodes):
+        top = HEADER + i * (CAPTION + panel[1] + GAP)
+        _draw_caption(sheet, episode, (MARGIN, top + CAPTION // 2 + 2))
+        for x, picture in zip(_lefts(panel[0]), _panels(episode, camera, panel, span), strict=True):
+            sheet[top + CAPTION : top + CAPTION + panel[1], x : x + panel[0]] = picture
+    return sheet
+
+
+def write_png(path: Path, image: Image) -> None:
+    """Write an image as PNG.
+
+    Raises:
+        UsageError: if the name does not end in .png or its folder does not exist.
+        StoreError: if the file cannot be written.
+    """
+    if path.suffix.lower() != ".png":
+        raise UsageError(f"{path}: the sheet is a PNG image, valid: a name that ends in .png")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: the folder {path.parent} does not exist")
+    ok, data = cv2.imencode(".png", image)
+    assert ok
+    try:
+        path.write_bytes(data.tobytes())
+    except OSError as error:
+        raise StoreError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def caption(episode: Episode) -> str:
+    """Return what stands beside an episode's outcome: what was grasped, how, and the figures."""
+    spec, lift = episode.spec, episode.columns["lift_height"]
+    words = [f"#{spec.index}", spec.objects[0].object_id, spec.policy]
+    if lift > WORTH_TELLING:  # never true of NaN
+        words.append(f"lifted {100 * lift:.1f} cm")
+    if episode.columns["collision_body"]:
+        labels = names(Label)
+        words.append(f"hit the {labels[int(episode.columns['collision_body'])]}")
+    return "   ".join(words)
+
+
+def _spread(positions: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    where = np.linspace(0, len(positions) - 1, count) if count > 1 else np.zeros(count)
+    return positions[np.rint(where).astype(np.int64)]
+
+
+def _panel_size(frames: CameraFrames) -> tuple[int, int]:
+    height, width = frames.depth.shape[1:]
+    return PANEL_WIDTH, max(1, round(PANEL_WIDTH * height / width))
+
+
+def _lefts(panel_width: int) -> list[int]:
+    return [MARGIN + i * (panel_width + GAP) for i in range(len(COLUMNS))]
+
+
+def _depth_span(episodes: Sequence[Episode], camera: str) -> tuple[float, float]:
+    """Return the depths, metres, between which the colours run: the same for all episodes.
+
+    They are those of the table and what lies on it.
+    """
+    values = np.concatenate([_depths_of_interest(e.cameras[camera]) for e in episodes])
+    if not len(values):
+        return 0.0, 1.0
+    low, high = np.percentile(values, [1.0, 99.0])
+    return float(low), float(high)
+
+
+def _depths_of_interest(frames: CameraFrames) -> NDArray[np.float32]:
+    labels = frames.segmentation[0]
+    values = frames.depth[0][(labels == Label.TABLE) | (labels >= Label.TARGET)]
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _draw_header(sheet: Image, panel_width: int, span: tuple[float, float]) -> None:
+    lefts = _lefts(panel_width)
+    for x, title in zip(lefts, COLUMNS, strict=True):
+        painting.put_text(sheet, title, (x, 20), painting.INK, 15)
+    painting.put_text(sheet, "with the planned grasp", (lefts[0], 44), painting.PALE, 11)
+    x = lefts[2]
+    x += painting.put_text(sheet, f"{span[0]:.2f} m", (x, 44), painting.PALE, 11) + 8
+    bar = painting.depth_bar(120, 10)
+    sheet[39:49, x : x + 120] = bar
+    painting.put_text(sheet, f"{span[1]:.2f} m", (x + 128, 44), painting.PALE, 11)
+    x = lefts[3]
+    for word, color in painting.LABEL_COLORS.items():
+        if word != "background":
+            cv2.rectangle(sheet, (x, 39), (x + 9, 48), color, cv2.FILLED)
+            x += 14 + painting.put_text(sheet, word, (x + 14, 44), painting.PALE, 11) + 10
+
+
+def _draw_caption(sheet: Image, episode: Episode, at: tuple[int, int]) -> None:
+    color = painting.GREEN if episode.success else painting.RED
+    word = episode.outcome.name.lower().replace("_", " ")
+    x = at[0] + painting.put_badge(sheet, word, at, color) + 12
+    painting.put_text(sheet, caption(episode), (x, at[1]), painting.INK)
+
+
+def _panels(
+    episode: Episode, camera: str, size: tuple[int, int], span: tuple[float, float]
+) -> list[Image]:
+    frames = episode.cameras[camera]
+    far = episode.spec.cameras[camera].far
+    before, after = (_fit(image[..., ::-1], size) for image in frames.rgb)
+    pixels = painting.grasp_pixels(episode, frames)
+    if pixels is not None:
+        painting.put_grasp(before, (pixels + 0.5) * size[0] / frames.rgb.shape[2] - 0.5)
+    return [
+        before,
+        after,
+        _fit(painting.depth_picture(frames.depth[0], *span, far), size),
+        _fit(painting.label_picture(frames.segmentation[0]), size, exact=True),
+    ]
+
+
+def _fit(image: Image, size: tuple[int, int], *, exact: bool = False) -> Image:
+    """Scale an image; ``exact`` keeps its colours unmixed."""
+    shrinks = image.shape[1] >= size[0]
+    how = cv2.INTER_NEAREST if exact else cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(np.ascontiguousarray(image), size, interpolation=how), np.uint8)

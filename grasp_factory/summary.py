@@ -1,0 +1,88 @@
+"""What is in a store, counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.dataset import Dataset
+from grasp_factory.outcome import Outcome, names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """How often an attempt of one kind succeeded."""
+
+    episodes: int
+    successes: int
+    success_rate: float | None
+    """None without episodes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreSummary:
+    """The episodes of a store, counted in several ways. Rates are over the committed ones."""
+
+    path: str
+    episodes: int
+    """Rows of the store."""
+    committed: int
+    quarantined: int
+    missing: int
+    successes: int
+    success_rate: float | None
+    policies: Mapping[str, Tally]
+    outcomes: Mapping[str, int]
+    """Only those that occur, in their fixed order."""
+    object_sets: Mapping[str, Tally]
+    splits: Mapping[str, Tally]
+    bytes: int
+    """Of all files."""
+    bytes_per_episode: int | None
+
+
+def summarise(dataset: Dataset) -> StoreSummary:
+    """Count what a dataset holds."""
+    status = dataset.status
+    made = status == 1
+    success = dataset.column("success")[made]
+    outcomes = np.bincount(dataset.column("outcome")[made], minlength=len(Outcome))
+    total = _tally(success)
+    size = size_on_disk(dataset.path)
+    return StoreSummary(
+        path=str(dataset.path),
+        episodes=len(dataset),
+        committed=total.episodes,
+        quarantined=int(np.sum(status == 2)),
+        missing=int(np.sum(status == 0)),
+        successes=total.successes,
+        success_rate=total.success_rate,
+        policies=_tallies(dataset.column("policy")[made], success),
+        outcomes={
+            word: int(count) for word, count in zip(names(Outcome), outcomes, strict=True) if count
+        },
+        object_sets=_tallies(dataset.column("object_set")[made], success),
+        splits=_tallies(dataset.column("split")[made], success),
+        bytes=size,
+        bytes_per_episode=round(size / total.episodes) if total.episodes else None,
+    )
+
+
+def size_on_disk(path: Path) -> int:
+    """Return the bytes of all files below ``path``."""
+    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+
+
+def _tallies(keys: NDArray[np.str_], success: NDArray[np.bool_]) -> dict[str, Tally]:
+    words = sorted({str(key) for key in keys})
+    return {word: _tally(success[keys == word]) for word in words}
+
+
+def _tally(success: NDArray[np.bool_]) -> Tally:
+    episodes, successes = len(success), int(success.sum())
+    rate = round(successes / episodes, 4) if episodes else None
+    return Tally(episodes=episodes, successes=successes, success_rate=rate)

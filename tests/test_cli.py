@@ -1,0 +1,484 @@
+"""The command as a user meets it: what it prints, how it exits, and that it stops when told to."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import pty
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import pytest
+import yaml
+from helpers import tree
+
+from grasp_factory import __version__, cli, factory
+from grasp_factory.__main__ import main
+from grasp_factory.config import FactoryConfig
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import StoreError
+from grasp_factory.objects import OBJECT_SETS
+from grasp_factory.policies import POLICIES
+from grasp_factory.request import resolve_request
+from grasp_factory.robots import ROBOTS
+
+COMMAND = [sys.executable, "-m", "grasp_factory"]
+ROOT = Path(__file__).parents[1]
+TINY = ("--resolution", "32x24", "--set", "block_size=1")
+
+
+@dataclass(frozen=True)
+class Result:
+    code: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+    """Run the command in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*args: object) -> Result:
+        monkeypatch.setattr(sys, "argv", ["grasp-factory", *map(str, args)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        out, err = capsys.readouterr()
+        assert isinstance(left.value.code, int)
+        return Result(left.value.code, out, err)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four real episodes in tiny images."""
+    path = tmp_path_factory.mktemp("cli") / "ds.zarr"
+    factory.generate(FactoryConfig(resolution=(32, 24)), 4, path, workers=1)
+    return path
+
+
+def one_line(text: str) -> str:
+    """Return the one line that an error should be."""
+    assert text.startswith("Error: ")
+    assert text.count("\n") == 1
+    return text
+
+
+class TestGenerate:
+    def test_makes_a_store_and_prints_a_summary(self, run: Run) -> None:
+        result = run("generate", "--n", 2, "--workers", 1, "--out", "ds.zarr", *TINY)
+        assert result.code == 0
+        assert len(Dataset.open("ds.zarr").committed) == 2
+        assert "Making 2 episodes of kuka_iiwa at 32x24, seed 0, with 1 worker" in result.err
+        assert "2 episodes made in " in result.out
+        assert "ds.zarr: 2 episodes, " in result.out
+        for word in ("policy", "outcome", "success"):
+            assert word in result.out
+
+    def test_says_when_there_is_nothing_to_do(self, run: Run, store: Path) -> None:
+        before = tree(store.parent)
+        result = run("generate", "--n", 4, "--out", store, "--resolution", "32x24")
+        assert result.code == 0
+        assert "is complete: 4 episodes are there" in result.err
+        assert "0 episodes made, 4 were there" in result.out
+        assert tree(store.parent) == before
+
+    def test_gives_scripts_json_and_nothing_else_on_stdout(self, run: Run, store: Path) -> None:
+        result = run("generate", "--n", 4, "--out", store, "--resolution", "32x24", "--json")
+        summary = json.loads(result.out)
+        assert (summary["made"], summary["already_there"]) == (0, 4)
+        assert summary["store"]["committed"] == 4
+
+    def test_is_silent_when_asked_to(self, run: Run, store: Path) -> None:
+        result = run("generate", "--n", 4, "--out", store, "--resolution", "32x24", "--quiet")
+        assert (result.code, result.out, result.err) == (0, "", "")
+
+    def test_shows_no_bar_where_stderr_is_no_terminal(self, run: Run) -> None:
+        result = run("generate", "--n", 1, "--workers", 1, *TINY)
+        assert "%|" not in result.err
+        assert result.err.count("\n") == 1
+
+    def test_writes_to_grasps_zarr_unless_told_otherwise(self, run: Run) -> None:
+        assert run("generate", "--n", 1, "--workers", 1, *TINY).code == 0
+        assert Path("grasps.zarr").is_dir()
+
+    def test_reports_a_quarantined_episode(self, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+        def fail(world: Any, spec: Any) -> Any:
+            raise factory.RecipeError("too heavy")
+
+        monkeypatch.setattr(factory, "run_episode", fail)
+        result = run("generate", "--n", 1, "--workers", 1, *TINY)
+        assert result.code == 0
+        assert "episode 0 is quarantined: too heavy" in result.err
+        assert "1 of 1 are quarantined" in result.out
+
+
+class TestPrintConfig:
+    def test_prints_the_settings_and_writes_nothing(self, run: Run, tmp_path: Path) -> None:
+        result = run("generate", "--print-config")
+        assert result.code == 0
+        assert yaml.safe_load(result.out)["robot"] == "kuka_iiwa"
+        assert list(tmp_path.iterdir()) == []
+
+    def test_prints_what_can_be_fed_back(self, run: Run) -> None:
+        flags = ["--n", 7, "--seed", 3, "--workers", 1, "--out", "a.zarr", "--robot", "panda",
+                 "--policy", "uniform:2", "--policy", "top_down", "--objects", "classic",
+                 "--resolution", "64x48", "--record-hz", 60, "--set", "motion.grip_force=30",
+                 "--set", "cameras.front.fov_y_deg=50"]  # fmt: skip
+        first = run("generate", "--print-config", *flags)
+        Path("c.yaml").write_text(first.out)
+        assert run("generate", "--print-config", "--config", "c.yaml").out == first.out
+        request = resolve_request(yaml.safe_load(first.out), {})
+        config = request.config
+        assert (request.n, request.workers, str(request.out)) == (7, 1, "a.zarr")
+        assert (config.seed, config.robot, config.record_hz) == (3, "panda", 60)
+        assert config.policies == {"uniform": 2.0, "top_down": 1.0}
+        assert config.object_sets == {"classic": 1.0}
+        assert config.resolution == (64, 48)
+        assert config.motion.grip_force == 30.0
+        assert config.cameras["front"].fov_y_deg == 50.0
+
+    def test_lets_flags_win_over_the_file(self, run: Run) -> None:
+        Path("c.yaml").write_text("n: 9\nseed: 1\nworkers: 3\n")
+        result = run("generate", "--config", "c.yaml", "--seed", 2, "--print-config")
+        settings = yaml.safe_load(result.out)
+        assert (settings["n"], settings["seed"], settings["workers"]) == (9, 2, 3)
+
+    def test_checks_names_like_a_run(self, run: Run) -> None:
+        assert run("generate", "--print-config", "--robot", "kuka").code == 2
+
+
+WRONG = [
+    (["--n", "0"], "n: got 0, valid: an integer from 1 to 1000000"),
+    (["--n", "-3"], "n: got -3, valid"),
+    (["--n", "many"], "'--n': 'many' is not a valid integer"),
+    (["--n", "9" * 30], "n: got 999999999999999999999999999999, valid"),
+    (["--seed", "-1"], "seed: got -1, valid: 0 to"),
+    (["--workers", "0"], "workers: got 0, valid: an integer from 1 to"),
+    (["--resolution", "640"], "'--resolution': '640': expected WIDTHxHEIGHT"),
+    (["--resolution", "1x1"], "resolution: got [1, 1], valid: 16 to 4096 pixels"),
+    (["--record-hz", "7"], "record_hz: got 7, valid: a divisor of"),
+    (["--robot", "kuka"], "unknown robot 'kuka'; did you mean 'kuka_iiwa'? (valid: "),
+    (["--policy", "topdown"], "unknown policy 'topdown'; did you mean 'top_down'? (valid: "),
+    (["--policy", "uniform:much"], "'--policy': 'uniform:much': expected NAME or NAME:WEIGHT"),
+    (["--policy", "uniform:0"], "policies: got {'uniform': 0.0}, valid: names with weights"),
+    (["--objects", "blob"], "unknown object set 'blob'; did you mean 'blobs'? (valid: "),
+    (["--set", "motion.gripforce=1"], "unknown key 'motion.gripforce'; did you mean 'grip_force'"),
+    (["--set", "seed"], "--set 'seed': expected KEY=VALUE"),
+    (["--config", "absent.yaml"], "config file absent.yaml cannot be read"),
+    (["--config", "typo.yaml"], "unknown key 'wokers'; did you mean 'workers'? (valid: n, "),
+    (["--out", "file.txt"], "file.txt is a file, not a grasp-factory store"),
+    (["--out", "folder"], "folder is not a grasp-factory store"),
+    (["--out", "absent/ds.zarr"], "absent/ds.zarr cannot be written"),
+    (["--out", ""], "out: got '', valid: a path"),
+    (["--bogus"], "No such option"),
+    (["extra"], "unexpected extra argument"),
+]
+
+
+@pytest.mark.parametrize(("args", "text"), WRONG, ids=[" ".join(w[0])[:40] for w in WRONG])
+def test_a_mistake_is_one_line_and_exit_2_and_nothing_is_written(
+    run: Run, tmp_path: Path, args: list[str], text: str
+) -> None:
+    Path("file.txt").write_text("mine")
+    Path("folder").mkdir()
+    Path("folder/file.txt").write_text("mine")
+    Path("typo.yaml").write_text("wokers: 3")
+    before = tree(tmp_path)
+    result = run("generate", "--n", "1", "--workers", "1", *args)
+    assert result.code == 2
+    assert text in one_line(result.err)
+    assert result.out == ""
+    assert tree(tmp_path) == before
+
+
+def test_a_store_of_another_config_is_refused(run: Run, store: Path) -> None:
+    result = run("generate", "--n", 9, "--out", store, "--resolution", "32x24", "--seed", 5)
+    assert result.code == 2
+    assert "seed: 0 against 5" in one_line(result.err)
+
+
+class TestInfo:
+    def test_tells_people_what_a_store_holds(self, run: Run, store: Path) -> None:
+        result = run("info", store)
+        assert result.code == 0
+        for words in ("4 episodes", "% success", "policy", "outcome", "object set", "split",
+                      "cameras/front/rgb", "4 x 2 x 24 x 32 x 3", "uint8", "rad/s", "kuka_iiwa",
+                      "pybullet"):  # fmt: skip
+            assert words in result.out
+
+    def test_tells_scripts_the_same(self, run: Run, store: Path) -> None:
+        facts = json.loads(run("info", store, "--json").out)
+        assert (facts["episodes"], facts["committed"], facts["quarantined"]) == (4, 4, 0)
+        arrays = {a["path"]: a for a in facts["arrays"]}
+        assert arrays["cameras/front/depth"] == {
+            "path": "cameras/front/depth", "shape": [4, 2, 24, 32], "dtype": "float32", "units": "m"
+        }  # fmt: skip
+        assert facts["attributes"]["config"] == Dataset.open(store).config.to_plain()
+
+    @pytest.mark.parametrize("path", ["absent", "file.txt"])
+    def test_refuses_what_is_no_store(self, run: Run, path: str) -> None:
+        Path("file.txt").write_text("mine")
+        result = run("info", path)
+        assert result.code == 2
+        assert path in one_line(result.err)
+
+
+class TestReplay:
+    def test_of_the_same_bytes_exits_with_0(self, run: Run, store: Path) -> None:
+        result = run("replay", store, 1)
+        assert result.code == 0
+        assert "replays to the same bytes" in result.out
+
+    def test_of_other_bytes_exits_with_1_and_names_the_array(
+        self, run: Run, store: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from grasp_factory import replay
+
+        other = Dataset.open(store)[2]
+        monkeypatch.setattr(replay, "run_episode", lambda world, spec: other)
+        result = run("replay", store, 1, "--json")
+        assert result.code == 1
+        facts = json.loads(result.out)
+        assert facts["same"] is False
+        assert facts["difference"].startswith("cameras/front/depth: ")
+        text = run("replay", store, 1)
+        assert text.code == 1
+        assert "does not replay to the same bytes" in text.out
+        assert "versions and platform are those of the recording" in text.out
+
+    @pytest.mark.parametrize("index", [4, "x"])
+    def test_of_no_episode_exits_with_2(self, run: Run, store: Path, index: object) -> None:
+        result = run("replay", store, index)
+        assert result.code == 2
+        one_line(result.err)
+
+
+class TestSheet:
+    def test_writes_a_picture(self, run: Run, store: Path) -> None:
+        result = run("sheet", store, "s.png")
+        assert (result.code, result.out) == (0, "s.png\n")
+        assert cv2.imread("s.png") is not None
+
+    def test_draws_the_episodes_that_are_asked_for(self, run: Run, store: Path) -> None:
+        run("sheet", store, "one.png", "--episodes", "2", "--camera", "front")
+        run("sheet", store, "two.png", "--episodes", "2,0")
+        one, two = cv2.imread("one.png"), cv2.imread("two.png")
+        assert one is not None
+        assert two is not None
+        assert two.shape[0] > one.shape[0]
+
+    @pytest.mark.parametrize(
+        "args",
+        [["s.jpg"], ["no/s.png"], ["s.png", "--episodes", "9"], ["s.png", "--episodes", "a"],
+         ["s.png", "--camera", "frnt"]],
+    )  # fmt: skip
+    def test_refuses_what_cannot_be_drawn(self, run: Run, store: Path, args: list[str]) -> None:
+        result = run("sheet", store, *args)
+        assert result.code == 2
+        one_line(result.err)
+
+
+@pytest.mark.parametrize(
+    ("command", "table"),
+    [("robots", ROBOTS), ("policies", POLICIES), ("objects", OBJECT_SETS)],
+)
+def test_a_table_is_listed_with_its_descriptions(run: Run, command: str, table: Any) -> None:
+    text, facts = run(command).out, json.loads(run(command, "--json").out)
+    assert list(facts) == list(table)
+    assert len(text.splitlines()) == len(table)
+    for name, row in table.items():
+        assert name in text
+        assert row.description in text
+        assert facts[name] == row.description
+
+
+def test_the_version_is_the_packages(run: Run) -> None:
+    assert __version__ in run("--version").out
+
+
+def test_without_a_command_the_help_is_shown(run: Run) -> None:
+    result = run()
+    assert result.code == 0
+    assert result.out == run("--help").out
+    for command in cli.cli.commands:
+        assert command in result.out
+
+
+def test_the_help_of_generate_tells_the_true_defaults(run: Run) -> None:
+    text = " ".join(run("generate", "--help").out.split())
+    config = FactoryConfig()
+    for value in ("50", "0", "2", "grasps.zarr", config.robot, "640x480", str(config.record_hz)):
+        assert f"[default: {value}]" in text
+
+
+def test_help_loads_neither_the_simulator_nor_the_store() -> None:
+    code = (
+        "import sys; from grasp_factory.cli import cli; cli(['generate', '--help'], 'x', "
+        "standalone_mode=False); print({'pybullet', 'zarr', 'cv2', 'numpy'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert done.stdout.splitlines()[-1] == "set()"
+
+
+def test_a_failure_that_is_no_mistake_exits_with_1(
+    run: Run, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> Any:
+        raise StoreError("the store is damaged\nbadly")
+
+    monkeypatch.setattr(Dataset, "open", fail)
+    result = run("info", store)
+    assert (result.code, result.err) == (1, "Error: the store is damaged badly\n")
+
+
+def test_a_bug_keeps_its_traceback(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Dataset, "open", lambda path: 1 / 0)
+    monkeypatch.setattr(sys, "argv", ["grasp-factory", "info", str(store)])
+    with pytest.raises(ZeroDivisionError):
+        main()
+
+
+def test_a_full_disk_is_one_line(store: Path) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, "info", str(store)],
+            stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT, check=False,
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert "No space left on device" in one_line(done.stderr)
+
+
+def test_a_reader_that_leaves_early_is_met_with_silence(store: Path) -> None:
+    process = subprocess.Popen(
+        [*COMMAND, "info", str(store)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert process.stderr.read() == b""
+    assert process.wait() == 1
+    process.stderr.close()
+
+
+@pytest.mark.slow
+class TestALongRun:
+    """A real command in its own process group, as a terminal would start it."""
+
+    @pytest.fixture
+    def out(self, tmp_path: Path) -> Path:
+        return tmp_path / "ds.zarr"
+
+    @pytest.fixture
+    def process(self, out: Path) -> Iterator[subprocess.Popen[str]]:
+        process = subprocess.Popen(
+            [*COMMAND, "generate", "--n", "300", "--workers", "2", "--out", str(out), *TINY],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            start_new_session=True,
+        )
+        yield process
+        process.kill()
+        process.communicate()
+
+    def wait_for_episodes(self, out: Path, process: subprocess.Popen[str]) -> None:
+        deadline = time.monotonic() + 60.0
+        while not out.exists() or len(Dataset.open(out).committed) < 3:
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+
+    def check_that_it_goes_on(self, out: Path) -> None:
+        dataset = Dataset.open(out)
+        kept = dataset.committed.tolist()
+        assert 3 <= len(kept) < 300
+        assert all(dataset.verify(i) for i in kept)
+        before = {i: str(dataset.column("checksum")[i]) for i in kept}
+        n = str(max(kept) + 2)
+        done = subprocess.run(
+            [*COMMAND, "generate", "--n", n, "--out", str(out), *TINY, "--json"],
+            capture_output=True, text=True, cwd=ROOT, check=True,
+        )  # fmt: skip
+        assert json.loads(done.stdout)["already_there"] == len(kept)
+        after = Dataset.open(out)
+        assert after.committed.tolist() == list(range(int(n)))
+        assert {i: str(after.column("checksum")[i]) for i in kept} == before
+
+    def test_stops_at_ctrl_c_and_says_how_to_go_on(
+        self, out: Path, process: subprocess.Popen[str]
+    ) -> None:
+        self.wait_for_episodes(out, process)
+        os.killpg(process.pid, signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=30)
+        assert process.returncode == 130
+        assert stdout == ""
+        first, last = stderr.splitlines()
+        assert first.startswith("Making 300 episodes")
+        assert last.startswith("Stopped: ")
+        assert last.endswith(
+            "episodes are in " + str(out) + "; run the same command again to go on."
+        )
+        self.check_that_it_goes_on(out)
+
+    def test_ends_with_one_line_when_a_worker_is_killed(
+        self, out: Path, process: subprocess.Popen[str]
+    ) -> None:
+        self.wait_for_episodes(out, process)
+        os.kill(workers_of(process.pid)[0], signal.SIGKILL)
+        stdout, stderr = process.communicate(timeout=30)
+        assert process.returncode == 1
+        assert stdout == ""
+        last = stderr.splitlines()[-1]
+        assert last.startswith("Error: a worker died in block ")
+        assert "(SIGKILL)" in last
+        assert last.endswith("run the same command again to go on")
+        assert stderr.count("\n") == 2
+        self.check_that_it_goes_on(out)
+
+    def test_shows_each_episode_on_a_terminal(self, out: Path) -> None:
+        pid, terminal = pty.fork()
+        if pid == 0:
+            fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 100, 0, 0))
+            os.chdir(ROOT)
+            command = [*COMMAND, "generate", "--n", "3", "--out", str(out), *TINY]
+            os.execv(command[0], command)
+        text = read_all(terminal)
+        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+        assert "0/3" in text
+        assert "3/3" in text
+        assert "ep/s, success " in text
+        assert "3 episodes made" in text
+
+
+def workers_of(pid: int) -> list[int]:
+    """Return the worker processes of a running command."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [int(c) for c in children if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
+
+
+def read_all(terminal: int) -> str:
+    data = b""
+    while True:
+        try:
+            data += os.read(terminal, 65536)
+        except OSError:  # the other end is closed
+            os.close(terminal)
+            return data.decode()

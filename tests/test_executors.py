@@ -1,0 +1,206 @@
+"""Executors: the same results everywhere, and no death, error or interrupt that leaves a trace."""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import fake_blocks as blocks
+import pytest
+
+from grasp_factory.errors import RecipeError, WorkerError
+from grasp_factory.executors import Executor, InlineExecutor, ProcessExecutor, make_executor
+
+TESTS = Path(__file__).parent
+ROOT = TESTS.parent
+pytestmark = pytest.mark.timeout(60)
+
+
+def ignore(_message: Any) -> None:
+    pass
+
+
+def is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    return state != "Z"
+
+
+def wait_until_gone(pids: list[int]) -> bool:
+    deadline = time.monotonic() + 10.0
+    while time.monotonic() < deadline:
+        if not any(is_running(pid) for pid in pids):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+@pytest.mark.parametrize("executor", [InlineExecutor(), ProcessExecutor(2)], ids=["inline", "pool"])
+class TestEveryExecutor:
+    def test_results_come_in_the_order_of_the_blocks(self, executor: Executor) -> None:
+        assert executor.run(blocks.square, [5, 1, 4], ignore) == [25, 1, 16]
+
+    def test_every_message_arrives_once_and_in_its_blocks_order(self, executor: Executor) -> None:
+        seen: list[tuple[int, int]] = []
+        executor.run(blocks.square, [0, 1, 2], seen.append)
+        assert sorted(seen) == [(block, step) for block in range(3) for step in range(3)]
+        for block in range(3):
+            assert [step for b, step in seen if b == block] == [0, 1, 2]
+
+    def test_no_blocks_is_no_work(self, executor: Executor) -> None:
+        assert executor.run(blocks.square, [], ignore) == []
+
+    def test_an_error_of_the_task_is_raised_as_it_is(self, executor: Executor) -> None:
+        with pytest.raises(RecipeError, match=r"^block 3 is impossible"):
+            executor.run(blocks.user_error, [3], ignore)
+
+
+def test_one_worker_needs_no_pool() -> None:
+    assert isinstance(make_executor(1), InlineExecutor)
+    assert make_executor(3) == ProcessExecutor(3)
+
+
+def test_workers_are_other_processes_and_no_more_than_asked() -> None:
+    pids = ProcessExecutor(2).run(blocks.process_id, range(6), ignore)
+    assert os.getpid() not in pids
+    assert len(set(pids)) <= 2
+    assert wait_until_gone(pids)
+
+
+def test_a_worker_is_replaced_after_its_number_of_blocks() -> None:
+    pids = ProcessExecutor(1, blocks_per_process=2).run(blocks.process_id, range(5), ignore)
+    assert pids[0] == pids[1] != pids[2] == pids[3] != pids[4]
+
+
+def test_recycling_with_many_more_blocks_than_workers_does_not_hang() -> None:
+    results = ProcessExecutor(2, blocks_per_process=1).run(blocks.square, range(7), ignore)
+    assert results == [b * b for b in range(7)]
+
+
+def test_thousands_of_messages_fill_no_pipe_for_ever() -> None:
+    seen: list[Any] = []
+    assert ProcessExecutor(2).run(blocks.chatty, [0, 1], seen.append) == [0, 1]
+    assert len(seen) == 10_000
+
+
+def test_workers_use_one_thread_and_the_parent_keeps_its_environment() -> None:
+    before = dict(os.environ)
+    assert ProcessExecutor(1).run(blocks.environment, [0], ignore) == [("1", "1")]
+    assert dict(os.environ) == before
+
+
+def test_what_a_worker_prints_from_c_stays_out_of_stdout(capfd: pytest.CaptureFixture[str]) -> None:
+    ProcessExecutor(1).run(blocks.noisy, [0], ignore)
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "a warning of the physics library" in err
+
+
+def test_an_error_carries_the_workers_traceback() -> None:
+    with pytest.raises(RecipeError) as caught:
+        ProcessExecutor(1).run(blocks.user_error, [3], ignore)
+    assert "in user_error" in "".join(caught.value.__notes__)
+
+
+def test_an_error_that_cannot_travel_is_not_swallowed() -> None:
+    with pytest.raises(RuntimeError, match="Unpicklable: lost"):
+        ProcessExecutor(1).run(blocks.strange_error, [0], ignore)
+
+
+def test_a_worker_that_exits_is_an_error_that_names_block_and_exit_code() -> None:
+    with pytest.raises(WorkerError, match=r"block 4 \(exit code 7\)"):
+        ProcessExecutor(1).run(blocks.exit_early, [4], ignore)
+
+
+def test_a_killed_worker_is_an_error_that_names_block_and_signal() -> None:
+    seen: list[int] = []
+    with pytest.raises(WorkerError, match=r"block 2 \(SIGKILL\)"):
+        ProcessExecutor(2).run(blocks.dies_in_block_two, range(50), seen.append)
+    assert 49 not in seen
+
+
+def test_an_exception_of_the_caller_ends_the_workers() -> None:
+    pids: list[int] = []
+
+    def stop(pid: int) -> None:
+        pids.append(pid)
+        if len(pids) == 2:
+            raise KeyboardInterrupt
+
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        ProcessExecutor(2).run(blocks.sleeps, range(4), stop)
+    assert time.monotonic() - start < 20.0
+    assert wait_until_gone(pids)
+
+
+def test_a_worker_does_not_mind_the_ctrl_c_that_is_for_the_coordinator() -> None:
+    def interrupt(pid: int) -> None:
+        os.kill(pid, signal.SIGINT)
+
+    assert ProcessExecutor(1).run(blocks.naps, [0, 1], interrupt) == [0, 1]
+
+
+def test_a_worker_that_is_stopped_tidies_up_after_itself(tmp_path: Path) -> None:
+    def stop(_pid: int) -> None:
+        assert (tmp_path / "scratch").exists()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ProcessExecutor(1).run(functools.partial(blocks.tidies, folder=str(tmp_path)), [0], stop)
+    assert not (tmp_path / "scratch").exists()
+
+
+SCRIPT = """
+from grasp_factory.executors import ProcessExecutor
+import fake_blocks as blocks
+
+if __name__ == "__main__":
+    ProcessExecutor(2).run(blocks.sleeps, range(4), lambda pid: print(pid, flush=True))
+"""
+
+
+@pytest.fixture
+def coordinator(tmp_path: Path) -> Any:
+    """A script whose two workers sleep; it leads its own process group, as in a terminal."""
+    script = tmp_path / "coordinate.py"
+    script.write_text(SCRIPT)
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        env=os.environ | {"PYTHONPATH": f"{ROOT}:{TESTS}"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_ctrl_c_reaches_the_whole_group_and_only_the_coordinator_speaks(coordinator: Any) -> None:
+    pids = [int(coordinator.stdout.readline()) for _ in range(2)]
+    for pid in pids:
+        os.kill(pid, signal.SIGINT)
+    time.sleep(0.3)
+    assert all(is_running(pid) for pid in pids)
+    os.killpg(coordinator.pid, signal.SIGINT)
+    _, err = coordinator.communicate(timeout=20)
+    assert err.count("Traceback") == 1
+    assert err.rstrip().endswith("KeyboardInterrupt")
+    assert wait_until_gone(pids)
+
+
+def test_workers_die_with_a_coordinator_that_is_killed(coordinator: Any) -> None:
+    pids = [int(coordinator.stdout.readline()) for _ in range(2)]
+    coordinator.kill()
+    assert wait_until_gone(pids)

@@ -1,0 +1,217 @@
+"""The contact sheet: every episode in its place, colours that mean what the legend says."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from fake_episodes import JOINTS, make_episode, make_rows, small_config
+
+from grasp_factory import painting, sheet
+from grasp_factory.dataset import Dataset
+from grasp_factory.episode import Episode
+from grasp_factory.errors import StoreError, UnknownNameError, UsageError
+from grasp_factory.geometry import apply, inverse
+from grasp_factory.outcome import Label, Outcome
+from grasp_factory.sheet import choose_episodes, draw_sheet, sheet_of, write_png
+from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr import ZarrWriter
+
+CONFIG = small_config()
+PANEL_HEIGHT = 240  # of 32x24 images, 320 wide
+
+
+def episode(outcome: Outcome = Outcome.SUCCESS, index: int = 0) -> Episode:
+    """A flat grey scene: the table half a metre away, a target nearer, nothing above."""
+    made = make_episode(CONFIG, index)
+    depth = np.full((2, 24, 32), 0.5, np.float32)
+    depth[:, :4] = CONFIG.cameras["front"].far
+    depth[:, 12:18, 10:20] = 0.4
+    segmentation = np.full((2, 24, 32), Label.TABLE, np.uint8)
+    segmentation[:, :4] = Label.BACKGROUND
+    segmentation[:, 12:18, 10:20] = Label.TARGET
+    rgb = np.full((2, 24, 32, 3), (200, 100, 50), np.uint8)
+    rgb[1] = (10, 20, 30)
+    front = dataclasses.replace(
+        made.cameras["front"], rgb=rgb, depth=depth, segmentation=segmentation
+    )
+    columns = dict(made.columns) | {
+        "grasp_position": np.full(3, np.nan),
+        "lift_height": 0.2,
+        "collision_body": np.uint8(0),
+    }
+    return dataclasses.replace(made, outcome=outcome, cameras={"front": front}, columns=columns)
+
+
+def panel(image: np.ndarray, row: int, column: int) -> np.ndarray:
+    top = sheet.HEADER + row * (sheet.CAPTION + PANEL_HEIGHT + sheet.GAP) + sheet.CAPTION
+    left = sheet.MARGIN + column * (sheet.PANEL_WIDTH + sheet.GAP)
+    return image[top : top + PANEL_HEIGHT, left : left + sheet.PANEL_WIDTH]
+
+
+def test_each_episode_gets_a_row_of_four_panels() -> None:
+    one, three = (draw_sheet([episode()] * n, "front") for n in (1, 3))
+    assert three.shape[0] - one.shape[0] == 2 * (sheet.CAPTION + PANEL_HEIGHT + sheet.GAP)
+    assert one.shape[1] == 2 * sheet.MARGIN + 4 * sheet.PANEL_WIDTH + 3 * sheet.GAP
+
+
+def test_before_stands_left_of_after_and_red_stays_red() -> None:
+    image = draw_sheet([episode()], "front")
+    assert (panel(image, 0, 0) == (50, 100, 200)).all()  # BGR
+    assert (panel(image, 0, 1) == (30, 20, 10)).all()
+
+
+def test_the_segmentation_has_the_legends_colours_unmixed() -> None:
+    picture = panel(draw_sheet([episode()], "front"), 0, 3)
+    colors = {tuple(int(c) for c in color) for color in picture.reshape(-1, 3)}
+    words = ("background", "table", "target")
+    assert colors == {painting.LABEL_COLORS[word] for word in words}
+    assert tuple(picture[150, 150]) == painting.LABEL_COLORS["target"]
+
+
+def test_every_label_has_a_colour_of_its_own() -> None:
+    palette = painting.label_palette()
+    used = [tuple(color) for color in palette[: len(Label) + len(painting.OTHER_COLORS)]]
+    assert len(set(used)) == len(used)
+    assert len(palette) == 256
+
+
+def test_depth_runs_from_red_near_to_blue_far_and_nothing_is_dark() -> None:
+    depth = np.array([[0.4, 0.5, 4.0]], np.float32)
+    near, far, nothing = painting.depth_picture(depth, 0.4, 0.5, 4.0)[0].astype(int)
+    assert near[2] > near[0]
+    assert far[0] > far[2]
+    assert tuple(nothing) == painting.NOTHING
+
+
+@pytest.mark.parametrize(
+    ("outcome", "color"), [(Outcome.SUCCESS, painting.GREEN), (Outcome.COLLISION, painting.RED)]
+)
+def test_the_badge_is_green_for_success_and_red_for_anything_else(
+    outcome: Outcome, color: painting.Color
+) -> None:
+    strip = draw_sheet([episode(outcome)], "front")[sheet.HEADER : sheet.HEADER + sheet.CAPTION]
+    assert (strip == color).all(axis=2).sum() > 500
+    other = painting.RED if color == painting.GREEN else painting.GREEN
+    assert not (strip == other).all(axis=2).any()
+
+
+def test_the_caption_says_what_was_grasped_by_what_and_how_far_it_came() -> None:
+    made = episode()
+    text = sheet.caption(made)
+    for word in ("#0", made.spec.objects[0].object_id, made.spec.policy, "lifted 20.0 cm"):
+        assert word in text
+
+
+def test_the_caption_of_a_collision_names_what_was_hit() -> None:
+    made = episode(Outcome.COLLISION)
+    columns = dict(made.columns) | {"collision_body": np.uint8(2), "lift_height": float("nan")}
+    text = sheet.caption(dataclasses.replace(made, columns=columns))
+    assert "hit the table" in text
+    assert "lifted" not in text
+
+
+def test_a_planned_grasp_is_drawn_where_it_projects() -> None:
+    made = episode()
+    K = np.array([[30.0, 0, 16], [0, 30.0, 12], [0, 0, 1]])
+    front = dataclasses.replace(made.cameras["front"], intrinsics=K, T_world_camera=np.eye(4))
+    columns = dict(made.columns) | {
+        "grasp_position": np.array([0.0, 0.0, 1.0]),
+        "grasp_quat_xyzw": np.array([0.0, 0.0, 0.0, 1.0]),
+        "grasp_width": 0.2,
+    }
+    made = dataclasses.replace(made, cameras={"front": front}, columns=columns)
+    pixels = painting.grasp_pixels(made, front)
+    assert pixels is not None
+    np.testing.assert_allclose(pixels[:3], [[16, 15], [16, 9], [16, 12]], atol=1e-9)
+    picture = panel(draw_sheet([made], "front"), 0, 0)
+    assert tuple(picture[125, 165]) == painting.GRASP_COLOR
+    assert not (panel(draw_sheet([made], "front"), 0, 1) == painting.GRASP_COLOR).all(axis=2).any()
+
+
+def test_a_grasp_behind_the_camera_or_none_is_not_drawn() -> None:
+    made = episode()
+    front = made.cameras["front"]
+    assert painting.grasp_pixels(made, front) is None
+    behind = apply(np.eye(4), np.array([0.0, 0.0, -1.0]))
+    T = dataclasses.replace(front, T_world_camera=inverse(np.eye(4)))
+    columns = dict(made.columns) | {
+        "grasp_position": behind,
+        "grasp_quat_xyzw": np.array([0.0, 0.0, 0.0, 1.0]),
+        "grasp_width": 0.1,
+    }
+    assert painting.grasp_pixels(dataclasses.replace(made, columns=columns), T) is None
+
+
+def test_a_random_episode_of_any_outcome_can_be_drawn() -> None:
+    for index in range(12):
+        draw_sheet([make_episode(CONFIG, index)], "front")
+
+
+@pytest.mark.parametrize(
+    ("success", "most", "chosen"),
+    [
+        ([True] * 3, 12, [0, 1, 2]),
+        ([True, False] * 10, 4, [0, 1, 18, 19]),
+        ([False] * 19 + [True], 4, [0, 9, 18, 19]),
+        ([True] + [False] * 3, 1, [0]),
+        ([], 12, []),
+    ],
+    ids=["all", "half and half", "one success among many", "one", "none"],
+)
+def test_a_choice_shows_both_classes(success: list[bool], most: int, chosen: list[int]) -> None:
+    assert choose_episodes(np.array(success, bool), most).tolist() == chosen
+
+
+@pytest.mark.parametrize("good", range(0, 31, 5))
+def test_a_choice_is_as_large_as_it_may_be_and_has_no_one_twice(good: int) -> None:
+    success = np.arange(30) < good
+    chosen = choose_episodes(success)
+    assert len(set(chosen.tolist())) == 12
+    assert good in (0, 30) or 0 < success[chosen].sum() < 12
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Dataset:
+    path = tmp_path / "ds.zarr"
+    prepare_store(path, CONFIG, JOINTS, 5, {})
+    ZarrWriter(path).write_block(0, make_rows(CONFIG, 0, 5, quarantined=(2,)))
+    return Dataset.open(path)
+
+
+def test_a_store_is_drawn_without_what_is_missing_or_quarantined(dataset: Dataset) -> None:
+    expected = draw_sheet([dataset[i] for i in (0, 1, 3)], "front")
+    assert np.array_equal(sheet_of(dataset, None, "front"), expected)
+
+
+def test_asking_for_what_cannot_be_drawn_says_why(dataset: Dataset) -> None:
+    with pytest.raises(UsageError, match=r"episode 5: .* has episodes 0 to 4"):
+        sheet_of(dataset, [5], "front")
+    with pytest.raises(StoreError, match="episode 2 is quarantined: no luck with 2"):
+        sheet_of(dataset, [2], "front")
+    with pytest.raises(StoreError, match="episode 4 is missing"):
+        sheet_of(dataset, [4], "front")
+    with pytest.raises(UnknownNameError, match="unknown camera 'frnt'; did you mean 'front'"):
+        sheet_of(dataset, [0], "frnt")
+    with pytest.raises(UsageError, match="no episode to draw"):
+        draw_sheet([], "front")
+
+
+def test_the_file_holds_the_picture(tmp_path: Path) -> None:
+    image = draw_sheet([episode()], "front")
+    write_png(tmp_path / "s.png", image)
+    assert np.array_equal(cv2.imread(str(tmp_path / "s.png")), image)
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    image = np.zeros((2, 2, 3), np.uint8)
+    with pytest.raises(UsageError, match=r"valid: a name that ends in \.png"):
+        write_png(tmp_path / "s.jpg", image)
+    with pytest.raises(UsageError, match=r"the folder .* does not exist"):
+        write_png(tmp_path / "no" / "s.png", image)
+    (tmp_path / "d.png").mkdir()
+    with pytest.raises(StoreError, match=r"d\.png cannot be written"):
+        write_png(tmp_path / "d.png", image)
