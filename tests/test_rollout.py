@@ -207,7 +207,7 @@ class TestOutcomes:
 def test_every_robot_lifts_the_cube_and_the_attempt_fits_its_bound(world, robot):
     episode = run_episode(world, cube_spec(robot=robot))
     assert episode.success
-    assert episode.n_steps <= SMALL.motion.longest_attempt_s * SMALL.record_hz
+    assert episode.n_steps <= SMALL.motion.longest_attempt(SMALL.record_hz)
 
 
 def test_the_pad_named_left_is_the_one_on_the_tcps_positive_y_side(world):

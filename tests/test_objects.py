@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections import Counter
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from grasp_factory.config import PhysicsConfig
+from grasp_factory.geometry import IDENTITY, Array
+from grasp_factory.objects import OBJECT_SETS, ObjectModel, ObjectSet
+from grasp_factory.robots import ROBOTS
+from grasp_factory.world import DATA, World
+
+BLOBS = OBJECT_SETS["blobs"]
+BLOB_SCALE = 0.015
+WALL = 0.05
+"""Half the thickness of the walls that feel a shape, metres."""
+OVERLAP = 0.005
+"""Metres by which the walls reach into a declared box."""
+HULL_MARGIN = 0.001
+"""Metres that Bullet adds around the convex hull of a mesh loaded from a URDF."""
+PINNED_SPLITS = {
+    "blobs/000": "train",
+    "blobs/001": "train",
+    "blobs/016": "val",
+    "blobs/027": "val",
+    "blobs/036": "test",
+    "blobs/072": "test",
+    "classic/cube": "train",
+    "classic/sphere": "train",
+    "classic/duck": "train",
+}
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[World]:
+    with World() as world:
+        yield world
+
+
+def some_models(objects: ObjectSet, count: int) -> list[ObjectModel]:
+    models = list(objects.models.values())
+    return models[:: max(1, len(models) // count)]
+
+
+def overhang(world: World, model: ObjectModel) -> Array:
+    """Return how far the loaded shape reaches beyond its declared box, (2, 3) metres.
+
+    Walls that reach a little into the box feel how deep the shape is in them.
+    """
+    world.reset(PhysicsConfig())
+    body = world.load_urdf(DATA / model.urdf, IDENTITY, fixed=False)
+    box = np.array([model.lower, model.upper])
+    walls = {}
+    for side, sign in enumerate((-1.0, 1.0)):
+        for axis in range(3):
+            position = box.mean(axis=0)
+            position[axis] = box[side, axis] + sign * (WALL - OVERLAP)
+            half_extents = np.full(3, 0.5)
+            half_extents[axis] = WALL
+            walls[world.add_box(half_extents, position, (1.0, 1.0, 1.0, 1.0))] = side, axis
+    world.step()
+    depth = np.full((2, 3), -np.inf)
+    for row in world.contacts():
+        if body in row[1:3]:
+            where = walls[row[2] if row[1] == body else row[1]]
+            depth[where] = max(depth[where], -row[8])
+    return depth - OVERLAP
+
+
+def obj_vertices(path: Path) -> Array:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return np.array([line.split()[1:4] for line in lines if line.startswith("v ")], float)
+
+
+@pytest.mark.parametrize("name", OBJECT_SETS)
+class TestObjectSet:
+    """Every set of the table keeps these promises."""
+
+    @pytest.fixture
+    def objects(self, name: str) -> ObjectSet:
+        return OBJECT_SETS[name]
+
+    def test_the_set_is_named_described_and_not_empty(self, objects: ObjectSet, name: str) -> None:
+        assert objects.name == name
+        assert objects.description
+        assert objects.models
+
+    def test_models_are_listed_by_their_id_which_starts_with_the_set(
+        self, objects: ObjectSet
+    ) -> None:
+        for object_id, model in objects.models.items():
+            assert model.object_id == object_id
+            assert object_id.startswith(f"{objects.name}/")
+
+    def test_every_file_exists_and_has_the_declared_mass(self, objects: ObjectSet) -> None:
+        for model in objects.models.values():
+            masses = ElementTree.parse(DATA / model.urdf).iter("mass")
+            assert sum(float(mass.attrib["value"]) for mass in masses) == model.mass
+
+    def test_the_loaded_mass_is_the_declared_one(self, objects: ObjectSet, world: World) -> None:
+        for model in some_models(objects, 10):
+            world.reset(PhysicsConfig())
+            body = world.load_urdf(DATA / model.urdf, IDENTITY, fixed=False)
+            assert world.mass(body) == pytest.approx(model.mass)
+
+    def test_the_bounding_box_contains_the_loaded_shape(
+        self, objects: ObjectSet, world: World
+    ) -> None:
+        for model in some_models(objects, 25):
+            assert overhang(world, model).max() < HULL_MARGIN + 1e-4, model.object_id
+
+    def test_the_bounding_box_is_tight(self, objects: ObjectSet, world: World) -> None:
+        for model in some_models(objects, 25):
+            assert overhang(world, model).min() > -5e-4, model.object_id
+
+    def test_corners_span_the_bounding_box(self, objects: ObjectSet) -> None:
+        for model in objects.models.values():
+            corners = model.corners()
+            assert len(np.unique(corners, axis=0)) == 8
+            np.testing.assert_array_equal(corners.min(axis=0), model.lower)
+            np.testing.assert_array_equal(corners.max(axis=0), model.upper)
+
+    def test_every_object_fits_between_the_fingers_of_every_robot(self, objects: ObjectSet) -> None:
+        narrowest = min(robot.gripper.max_width for robot in ROBOTS.values())
+        for model in objects.models.values():
+            assert 0.01 < np.ptp(model.corners(), axis=0).min() < narrowest
+
+    def test_friction_is_that_of_a_dry_solid(self, objects: ObjectSet) -> None:
+        for model in objects.models.values():
+            assert 0.1 <= model.lateral_friction <= 1.0
+
+
+class TestSplits:
+    def test_ids_are_unique_over_all_sets(self) -> None:
+        ids = [object_id for objects in OBJECT_SETS.values() for object_id in objects.models]
+        assert len(set(ids)) == len(ids)
+
+    def test_splits_are_about_80_10_10(self) -> None:
+        splits = [model.split for model in BLOBS.models.values()]
+        shares = {split: n / len(splits) for split, n in Counter(splits).items()}
+        assert shares == pytest.approx({"train": 0.8, "val": 0.1, "test": 0.1}, abs=0.04)
+
+    def test_splits_of_many_ids_are_80_10_10(self) -> None:
+        cube = OBJECT_SETS["classic"].models["classic/cube"]
+        models = (dataclasses.replace(cube, object_id=f"more/{i}") for i in range(20_000))
+        counts = Counter(model.split for model in models)
+        shares = {split: n / 20_000 for split, n in counts.items()}
+        assert shares == pytest.approx({"train": 0.8, "val": 0.1, "test": 0.1}, abs=0.01)
+
+    @pytest.mark.parametrize("object_id", PINNED_SPLITS)
+    def test_an_object_stays_in_its_split(self, object_id: str) -> None:
+        models = OBJECT_SETS[object_id.partition("/")[0]].models
+        assert models[object_id].split == PINNED_SPLITS[object_id]
+
+    def test_the_split_hangs_on_the_id_alone(self) -> None:
+        cube = OBJECT_SETS["classic"].models["classic/cube"]
+        for model in BLOBS.models.values():
+            namesake = dataclasses.replace(cube, object_id=model.object_id)
+            assert namesake.split == model.split
+
+
+class TestBlobs:
+    def test_the_shape_without_numbers_is_absent(self) -> None:
+        assert "nan" in (DATA / "random_urdfs/168/168.obj").read_text(encoding="utf-8").lower()
+        assert "blobs/168" not in BLOBS.models
+
+    def test_the_table_lists_every_other_shape(self) -> None:
+        folders = {path.name for path in (DATA / "random_urdfs").iterdir() if path.is_dir()}
+        assert {row["id"] for row in read_table()} == folders - {"168"}
+
+    def test_the_table_holds_the_boxes_of_the_obj_files(self) -> None:
+        for row in read_table()[::25]:
+            number = row.pop("id")
+            vertices = obj_vertices(DATA / f"random_urdfs/{number}/{number}.obj") * BLOB_SCALE
+            box = [*vertices.min(axis=0), *vertices.max(axis=0)]
+            np.testing.assert_allclose([float(v) for v in row.values()], box, atol=6e-6)
+
+    def test_the_urdfs_scale_the_meshes_as_the_table_does(self) -> None:
+        for model in some_models(BLOBS, 40):
+            (mesh, again) = ElementTree.parse(DATA / model.urdf).iter("mesh")
+            assert mesh.attrib == again.attrib
+            assert mesh.attrib["scale"] == f"{BLOB_SCALE} {BLOB_SCALE} {BLOB_SCALE}"
+
+    def test_what_is_too_flat_or_too_thick_is_left_out(self) -> None:
+        for row in read_table():
+            low, high = np.split(np.array([float(v) for v in list(row.values())[1:]]), 2)
+            small, middle, _ = np.sort(high - low)
+            fits = 0.015 <= small <= 0.075 and middle <= 0.100
+            assert (f"blobs/{row['id']}" in BLOBS.models) == fits
+
+
+def read_table() -> list[dict[str, str]]:
+    table = resources.files("grasp_factory.objects") / "blobs.csv"
+    return list(csv.DictReader(table.read_text(encoding="ascii").splitlines()))

@@ -1,0 +1,66 @@
+"""The README's generated table and its examples; run as a script, it writes the table anew."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import cube_spec
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.outcome import Outcome, names
+from grasp_factory.scene import build_scene, observe, take_images
+from grasp_factory.world import World
+
+ROOT = Path(__file__).parent.parent
+README = ROOT / "README.md"
+TABLE = re.compile(r"(<!-- schema: .*? -->\n).*?(<!-- end of schema -->)", re.DOTALL)
+
+
+def with_table(text: str) -> str:
+    return TABLE.sub(lambda m: f"{m[1]}{schema.markdown_table()}\n{m[2]}", text)
+
+
+def test_the_stores_table_is_that_of_the_schema():
+    text = README.read_text()
+    assert TABLE.search(text)
+    assert text == with_table(text), "run: python tests/test_readme.py"
+
+
+def test_every_outcome_is_explained():
+    text = README.read_text()
+    assert [name for name in names(Outcome) if f"`{name}`" not in text] == []
+
+
+def test_every_file_that_is_linked_exists():
+    for page in (README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))):
+        for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
+            assert (page.parent / target).exists(), (page.name, target)
+
+
+def test_the_example_policy_works_as_printed():
+    with World() as world:
+        scene = build_scene(world, cube_spec())
+        view = observe(scene, take_images(scene))
+    code = re.findall(r"```python\n(def plan.*?)```", README.read_text(), re.DOTALL)[0]
+    scope: dict[str, object] = {"np": np}
+    exec("from __future__ import annotations\n"
+         "from grasp_factory.episode import Grasp, GraspPlan\n"
+         "from grasp_factory.policies.base import *\n" + code, scope)  # fmt: skip
+    plan = scope["plan"](view, np.random.default_rng(0))
+    aim = plan.grasps[0].T_world_tcp[:2, 3]
+    assert aim == pytest.approx([0.55, 0.05], abs=0.03)
+
+
+def test_every_setting_in_the_examples_exists():
+    for assignment in re.findall(r"--set (\S+)=", README.read_text()):
+        value = FactoryConfig().to_plain()
+        for part in assignment.split("."):
+            value = value[part]
+
+
+if __name__ == "__main__":
+    README.write_text(with_table(README.read_text()))
