@@ -187,6 +187,8 @@ class FactoryConfig:
     robot: str = "kuka_iiwa"
     policies: Mapping[str, float] = field(default_factory=lambda: {"uniform": 3.0, "top_down": 2.0})
     """Policy name to weight: each episode draws one. The default gives about even classes."""
+    policy_parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Policy name to settings of its own; what is left out takes the policy's default."""
     object_sets: Mapping[str, float] = field(default_factory=lambda: {"blobs": 0.8, "classic": 0.2})
     """Object set name to weight: each episode draws one."""
     cameras: Mapping[str, CameraConfig] = field(default_factory=lambda: dict(DEFAULT_CAMERAS))

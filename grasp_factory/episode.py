@@ -49,6 +49,8 @@ class EpisodeSpec:
     seed: int
     robot: str
     policy: str
+    policy_parameters: Mapping[str, Any]
+    """All of the policy's own settings."""
     objects: tuple[ObjectSpec, ...]
     """The first one is the target."""
     cameras: Mapping[str, CameraConfig]
@@ -115,6 +117,8 @@ class Grasp:
     """Metres between the pads before closing."""
     score: float = 0.0
     """The policy's own figure of merit; higher is better."""
+    proposer: str = ""
+    """The policy that thought of it, where that is not the one that was asked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -124,13 +124,14 @@ def generate(
 
 
 def check_names(config: FactoryConfig) -> RobotModel:
-    """Check every name in a config against its table and return the robot.
+    """Check every name in a config against its table, with its settings; return the robot.
 
     Raises:
         UnknownNameError: naming the kind, the nearest and all valid names.
+        ConfigError: naming a policy's setting that is not valid.
     """
-    for policy in config.policies:
-        lookup(POLICIES, "policy", policy)
+    for name in {**config.policies, **config.policy_parameters}:
+        lookup(POLICIES, "policy", name).settings(config.policy_parameters.get(name, {}))
     for object_set in config.object_sets:
         lookup(OBJECT_SETS, "object set", object_set)
     return lookup(ROBOTS, "robot", config.robot)

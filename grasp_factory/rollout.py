@@ -104,7 +104,8 @@ def choose(scene: Scene, plan: GraspPlan) -> tuple[Grasp | None, GraspMotion | N
 def _plan(scene: Scene, images: Mapping[str, CameraImage]) -> GraspPlan:
     spec = scene.spec
     policy = lookup(POLICIES, "policy", spec.policy)
-    return policy.plan(observe(scene, images), rng_for(spec.seed, spec.index, Stream.POLICY))
+    rng = rng_for(spec.seed, spec.index, Stream.POLICY)
+    return policy.plan(observe(scene, images), rng, policy.settings(spec.policy_parameters))
 
 
 def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> dict[str, Any]:
@@ -116,6 +117,7 @@ def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> 
         "object_set": target.object_set,
         "split": target.split,
         "policy": spec.policy,
+        "grasp_proposer": (grasp.proposer or spec.policy) if grasp else "",
         "object_mass": target.mass,
         "grasp_position": T[:3, 3].copy(),
         "grasp_quat_xyzw": quat,

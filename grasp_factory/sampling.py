@@ -12,6 +12,8 @@ from grasp_factory.episode import EpisodeSpec, ObjectSpec
 from grasp_factory.errors import lookup
 from grasp_factory.geometry import Pose, quat_xyzw_to_matrix
 from grasp_factory.objects import OBJECT_SETS, ObjectModel
+from grasp_factory.policies import POLICIES
+from grasp_factory.records import to_plain
 
 
 class Stream(IntEnum):
@@ -36,16 +38,19 @@ def sample_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
     """Draw the recipe of episode ``index``.
 
     Raises:
-        UnknownNameError: if the config names an object set that the table does not have.
+        UnknownNameError: if the config names an object set or a policy that its table lacks.
     """
     objects = rng_for(config.seed, index, Stream.OBJECTS)
     pose = rng_for(config.seed, index, Stream.POSE)
-    policy = rng_for(config.seed, index, Stream.POLICY_CHOICE)
+    choice = rng_for(config.seed, index, Stream.POLICY_CHOICE)
+    policy = lookup(POLICIES, "policy", _draw_name(config.policies, choice))
+    parameters = policy.settings(config.policy_parameters.get(policy.name, {}))
     return EpisodeSpec(
         index=index,
         seed=config.seed,
         robot=config.robot,
-        policy=_draw_name(config.policies, policy),
+        policy=policy.name,
+        policy_parameters=to_plain(parameters),
         objects=(_sample_object(config, objects, pose),),
         cameras=config.cameras,
         resolution=config.resolution,

@@ -84,6 +84,8 @@ FIELDS: tuple[Field, ...] = (
     _f("episodes/object_set", (), "string", "set that the target comes from"),
     _f("episodes/split", (), "string", "train, val or test, by object"),
     _f("episodes/policy", (), "string", "policy that planned the grasp"),
+    _f("episodes/grasp_proposer", (), "string",
+       "policy that thought of the grasp: another one for policies that build on others"),
     _f("episodes/object_mass", (), "float64", "mass of the target", units="kg"),
     _f("episodes/object_com", ("M", 3), "float64", "centre of mass", units="m", frame="object"),
     _f("episodes/grasp_position", (3,), "float64", "executed (else first planned) TCP position",

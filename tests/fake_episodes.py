@@ -39,6 +39,7 @@ def make_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
         seed=config.seed,
         robot=config.robot,
         policy=str(rng.choice(sorted(config.policies))),
+        policy_parameters={},
         objects=(target,),
         cameras=config.cameras,
         resolution=config.resolution,
@@ -78,6 +79,7 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
         "object_set": target.object_set,
         "split": target.split,
         "policy": spec.policy,
+        "grasp_proposer": spec.policy,
         "object_mass": target.mass,
     }
     return Episode(

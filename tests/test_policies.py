@@ -17,8 +17,8 @@ from grasp_factory.gripper import Gripper
 from grasp_factory.outcome import Label
 from grasp_factory.policies import POLICIES
 from grasp_factory.policies.base import TIP_CLEARANCE, looking_down, target_points
-from grasp_factory.policies.top_down import FINGER_CLEARANCE, RANKED
-from grasp_factory.policies.uniform import AIM_NOISE
+from grasp_factory.policies.top_down import RANKED, TopDownParameters
+from grasp_factory.policies.uniform import UniformParameters
 from grasp_factory.robots import ROBOTS
 
 SIDE = CameraConfig(eye=(0.5, 0.7, 0.5), target=(0.5, 0.0, 0.05))
@@ -90,7 +90,8 @@ def make_view(
 
 
 def plan(policy: str, view: SceneView, seed: int = 0) -> tuple[Grasp, ...]:
-    return POLICIES[policy].plan(view, np.random.default_rng(seed)).grasps
+    asked = POLICIES[policy]
+    return asked.plan(view, np.random.default_rng(seed), asked.settings({})).grasps
 
 
 def plain(grasps: tuple[Grasp, ...]) -> list[tuple[Any, ...]]:
@@ -228,7 +229,7 @@ class TestTopDown:
         self, gripper: Gripper, place: tuple[float, float, float]
     ) -> None:
         (best, *_) = plan("top_down", make_view(brick(*place), gripper))
-        assert best.width >= BRICK[1] + 2.0 * FINGER_CLEARANCE
+        assert best.width >= BRICK[1] + 2.0 * TopDownParameters().finger_clearance
 
     @pytest.mark.parametrize("height", [0.012, 0.05, 0.08, 0.15])
     def test_it_grasps_half_way_up_unless_the_palm_or_the_table_is_in_the_way(
@@ -275,10 +276,10 @@ class TestUniform:
         T = np.stack([grasp.T_world_tcp for grasp in grasps])
         aim = T[:, :2, 3] - (points.min(axis=0) + points.max(axis=0))[:2] / 2.0
         yaw = np.arctan2(T[:, 1, 1], T[:, 0, 1])
-        deepest = GRIPPER.tip_distance + TIP_CLEARANCE
+        noise, deepest = UniformParameters().aim_noise, GRIPPER.tip_distance + TIP_CLEARANCE
         for values, low, high in (
-            (aim[:, 0], -AIM_NOISE, AIM_NOISE),
-            (aim[:, 1], -AIM_NOISE, AIM_NOISE),
+            (aim[:, 0], -noise, noise),
+            (aim[:, 1], -noise, noise),
             (yaw, -math.pi / 2, math.pi / 2),
             (T[:, 2, 3], deepest, points[:, 2].max()),
         ):

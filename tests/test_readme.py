@@ -50,7 +50,7 @@ def test_the_example_policy_works_as_printed():
     exec("from __future__ import annotations\n"
          "from grasp_factory.episode import Grasp, GraspPlan\n"
          "from grasp_factory.policies.base import *\n" + code, scope)  # fmt: skip
-    plan = scope["plan"](view, np.random.default_rng(0))
+    plan = scope["plan"](view, np.random.default_rng(0), None)
     aim = plan.grasps[0].T_world_tcp[:2, 3]
     assert aim == pytest.approx([0.55, 0.05], abs=0.03)
 

@@ -19,6 +19,7 @@ from grasp_factory.errors import RecipeError
 from grasp_factory.labels import judge, measure, target_com, touching
 from grasp_factory.outcome import Label, Outcome, Phase
 from grasp_factory.policies.base import Policy, looking_down
+from grasp_factory.policies.top_down import TopDownParameters
 from grasp_factory.robots import ROBOTS
 from grasp_factory.rollout import run_episode
 from grasp_factory.sampling import sample_spec
@@ -33,7 +34,8 @@ def world():
 
 def aiming(monkeypatch, *grasps):
     """Make the policy of ``cube_spec`` propose these grasps."""
-    policy = Policy("top_down", "scripted", lambda view, rng: GraspPlan(grasps=grasps))
+    plan = GraspPlan(grasps=grasps)
+    policy = Policy("top_down", "scripted", TopDownParameters, lambda view, rng, settings: plan)
     monkeypatch.setattr(rollout, "POLICIES", {"top_down": policy})
 
 

@@ -71,7 +71,7 @@ class TestFields:
 
     def test_frames_are_given_for_what_has_a_place_or_direction(self) -> None:
         for row in FIELDS:
-            if re.search(r"pose|position$|quat|wrench|tactile_(force|normal)|T_world", row.path):
+            if re.search(r"_pose$|position$|quat|wrench|tactile_(force|normal)|T_world", row.path):
                 assert row.frame, row.path
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from grasp_factory.camera import deproject
 from grasp_factory.episode import GraspPlan, SceneView
 from grasp_factory.geometry import Array, apply, transform
+from grasp_factory.records import from_plain
 
 TIP_CLEARANCE = 0.005
 """Metres that planned fingertips stay above the table."""
@@ -21,7 +23,18 @@ class Policy:
 
     name: str
     description: str
-    plan: Callable[[SceneView, np.random.Generator], GraspPlan]
+    parameters: type[Any]
+    """A frozen dataclass whose fields, all with defaults, are the policy's settings."""
+    plan: Callable[[SceneView, np.random.Generator, Any], GraspPlan]
+    """From a view, a random generator and an instance of ``parameters`` to ranked grasps."""
+
+    def settings(self, plain: Mapping[str, Any]) -> Any:
+        """Return ``parameters`` from plain data; what is left out takes its default.
+
+        Raises:
+            ConfigError: naming the key, what it got and what is valid.
+        """
+        return from_plain(self.parameters, plain, f"policy_parameters.{self.name}")
 
 
 def target_points(view: SceneView) -> Array:

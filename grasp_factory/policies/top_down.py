@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from grasp_factory.episode import Grasp, GraspPlan, SceneView
 from grasp_factory.geometry import Array
 from grasp_factory.gripper import Gripper
 from grasp_factory.policies.base import TIP_CLEARANCE, Policy, looking_down, target_points
+from grasp_factory.records import check_range
 
 YAWS = 24
 """Closing directions that are tried, 7.5 degrees apart over half a turn."""
@@ -15,13 +18,23 @@ OFFSETS = (-0.02, -0.01, 0.0, 0.01, 0.02)
 """Metres from the target's middle, across the closing direction, at which it may be grasped."""
 RANKED = 8
 """Grasps that are proposed, the best first."""
-FINGER_CLEARANCE = 0.008
-"""Metres that each pad stays clear of the target on the approach, at the least."""
-OPENING_MARGIN = 0.015
-"""Metres that each pad stays clear of it where the gripper opens far enough."""
 
 
-def plan(view: SceneView, rng: np.random.Generator) -> GraspPlan:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopDownParameters:
+    """Settings of ``top_down``."""
+
+    finger_clearance: float = 0.008
+    """Metres that each pad stays clear of the target on the approach, at the least."""
+    opening_margin: float = 0.015
+    """Metres that each pad stays clear of it where the gripper opens far enough."""
+
+    def __post_init__(self) -> None:
+        check_range(self, "finger_clearance", 0.0, 0.05, "m")
+        check_range(self, "opening_margin", 0.0, 0.05, "m")
+
+
+def plan(view: SceneView, rng: np.random.Generator, settings: TopDownParameters) -> GraspPlan:
     """Return downward grasps, those first that span little and lie near the target's middle.
 
     The target's visible points are cut into strips as wide as a finger; a strip's extent along
@@ -33,11 +46,8 @@ def plan(view: SceneView, rng: np.random.Generator) -> GraspPlan:
         return GraspPlan(grasps=())
     z = grasp_height(float(points[:, 2].max()), view.gripper)
     middle = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2.0
-    grasps = [
-        grasp
-        for yaw in np.arange(YAWS) * np.pi / YAWS
-        for grasp in _across(points[:, :2] - middle, yaw, z, middle, view.gripper)
-    ]
+    outline = _Outline(points[:, :2] - middle, middle, z, view.gripper, settings)
+    grasps = [grasp for yaw in np.arange(YAWS) * np.pi / YAWS for grasp in outline.along(yaw)]
     grasps.sort(key=lambda grasp: -grasp.score)
     return GraspPlan(grasps=tuple(grasps[:RANKED]))
 
@@ -52,35 +62,48 @@ def grasp_height(top: float, gripper: Gripper) -> float:
     return max(deepest, under_palm, top / 2.0)
 
 
-def _across(points: Array, yaw: float, z: float, middle: Array, gripper: Gripper) -> list[Grasp]:
-    """Return the grasps along one closing direction; points (K, 2) are relative to the middle."""
-    closing = np.array([np.cos(yaw), np.sin(yaw)])
-    along = np.array([-closing[1], closing[0]])
-    u, v = points @ closing, points @ along
-    half_strip = gripper.pad_size[0] / 2.0 + FINGER_CLEARANCE
-    grasps = []
-    for offset in OFFSETS:
-        strip = u[np.abs(v - offset) < half_strip]
-        if not len(strip):
-            continue
-        low, high = float(strip.min()), float(strip.max())
-        center = (low + high) / 2.0
-        x, y = middle + center * closing + offset * along
-        needed = high - low + 2.0 * FINGER_CLEARANCE
-        # What does not fit is still proposed, last: a crowded plan beats none.
-        overshoot = max(0.0, needed - gripper.max_width)
-        grasps.append(
-            Grasp(
-                T_world_tcp=looking_down(x, y, z, yaw),
-                width=min(high - low + 2.0 * OPENING_MARGIN, gripper.max_width),
-                score=-(high - low) - abs(center) - abs(offset) - 10.0 * overshoot,
+@dataclass(frozen=True, slots=True)
+class _Outline:
+    """What is seen of the target from above, and the gripper that shall go around it."""
+
+    points: Array
+    """(K, 2) metres from ``middle``."""
+    middle: Array
+    """(2,) metres, world."""
+    z: float
+    gripper: Gripper
+    settings: TopDownParameters
+
+    def along(self, yaw: float) -> list[Grasp]:
+        """Return the grasps that close along one direction."""
+        closing = np.array([np.cos(yaw), np.sin(yaw)])
+        across = np.array([-closing[1], closing[0]])
+        u, v = self.points @ closing, self.points @ across
+        half_strip = self.gripper.pad_size[0] / 2.0 + self.settings.finger_clearance
+        grasps = []
+        for offset in OFFSETS:
+            strip = u[np.abs(v - offset) < half_strip]
+            if not len(strip):
+                continue
+            low, high = float(strip.min()), float(strip.max())
+            center, span = (low + high) / 2.0, high - low
+            x, y = self.middle + center * closing + offset * across
+            # What does not fit is still proposed, last: a crowded plan beats none.
+            needed = span + 2.0 * self.settings.finger_clearance
+            overshoot = max(0.0, needed - self.gripper.max_width)
+            grasps.append(
+                Grasp(
+                    T_world_tcp=looking_down(x, y, self.z, yaw),
+                    width=min(span + 2.0 * self.settings.opening_margin, self.gripper.max_width),
+                    score=-span - abs(center) - abs(offset) - 10.0 * overshoot,
+                )
             )
-        )
-    return grasps
+        return grasps
 
 
 TOP_DOWN = Policy(
     name="top_down",
     description="straight down across a narrow place near the target's middle",
+    parameters=TopDownParameters,
     plan=plan,
 )

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from grasp_factory.episode import Grasp, GraspPlan, SceneView
 from grasp_factory.policies.base import TIP_CLEARANCE, Policy, looking_down, target_points
-
-AIM_NOISE = 0.035
-"""Metres: half the side of the square around the target's middle in which the aim is drawn."""
+from grasp_factory.records import check_range
 
 
-def plan(view: SceneView, rng: np.random.Generator) -> GraspPlan:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UniformParameters:
+    """Settings of ``uniform``."""
+
+    aim_noise: float = 0.035
+    """Metres: half the side of the square around the target's middle in which the aim is drawn."""
+
+    def __post_init__(self) -> None:
+        check_range(self, "aim_noise", 0.0, 0.5, "m")
+
+
+def plan(view: SceneView, rng: np.random.Generator, settings: UniformParameters) -> GraspPlan:
     """Return one downward grasp with uniform aim, yaw and depth, and the gripper fully open.
 
     The depth lies between the deepest that keeps the fingertips off the table and the target's
@@ -21,7 +32,8 @@ def plan(view: SceneView, rng: np.random.Generator) -> GraspPlan:
     if not len(points):
         return GraspPlan(grasps=())
     lower, upper = points.min(axis=0), points.max(axis=0)
-    x, y = (lower[:2] + upper[:2]) / 2.0 + rng.uniform(-AIM_NOISE, AIM_NOISE, size=2)
+    noise = settings.aim_noise
+    x, y = (lower[:2] + upper[:2]) / 2.0 + rng.uniform(-noise, noise, size=2)
     yaw = rng.uniform(-np.pi / 2.0, np.pi / 2.0)
     deepest = view.gripper.tip_distance + TIP_CLEARANCE
     z = rng.uniform(deepest, max(deepest, upper[2]))
@@ -32,5 +44,6 @@ def plan(view: SceneView, rng: np.random.Generator) -> GraspPlan:
 UNIFORM = Policy(
     name="uniform",
     description="random aim, yaw and depth around the target, straight down",
+    parameters=UniformParameters,
     plan=plan,
 )
