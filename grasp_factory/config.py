@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,164 +13,19 @@ from typing import Any
 import yaml
 
 from grasp_factory.errors import ConfigError
-from grasp_factory.outcome import Phase
 from grasp_factory.records import check, check_range, from_plain, to_plain
-
-Vector3 = tuple[float, float, float]
-
-MAX_TRANSFER_S = 2.5
-"""Grasps that need a longer way from home count as unreachable: it bounds every attempt."""
-SHORTEST_MOTION_S = 0.15
-"""Even the shortest motion takes this long, so that the arm does not jerk."""
-PEAK_OVER_MEAN = 1.875
-"""Peak over mean speed of a minimum-jerk motion (Flash & Hogan 1985): 15/8."""
-MAX_STRETCH = 2.0
-"""A straight motion may take this many times longer than its speed says, for slow joints."""
-MAX_CLOSING_STROKE = 0.06
-"""Metres: no gripper of the table has fingers that travel farther."""
-CLOSING_SETTLE_S = 0.3
-"""Seconds that the fingers may take beyond their travel until they stand still."""
-
-
-def straight_motion_s(distance: float, peak_speed: float) -> float:
-    """Return the seconds of a minimum-jerk motion over a distance (m) with a peak speed (m/s)."""
-    return max(PEAK_OVER_MEAN * distance / peak_speed, SHORTEST_MOTION_S)
+from grasp_factory.sections import (
+    CameraConfig,
+    LabelConfig,
+    MotionConfig,
+    PhysicsConfig,
+    WorkspaceConfig,
+)
 
 
 def _check_weights(key: str, weights: Mapping[str, float]) -> None:
     ok = len(weights) > 0 and all(w >= 0.0 for w in weights.values()) and sum(weights.values()) > 0
     check(ok, key, dict(weights), "names with weights >= 0, at least one above 0")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraConfig:
-    """A fixed camera, looking from ``eye`` to ``target`` (world frame, metres)."""
-
-    eye: Vector3
-    target: Vector3
-    up: Vector3 = (0.0, 0.0, 1.0)
-    fov_y_deg: float = 45.0
-    """Vertical field of view, degrees."""
-    near: float = 0.1
-    """Clipping range in metres: a tight one keeps the z-buffer's resolution."""
-    far: float = 4.0
-
-    def __post_init__(self) -> None:
-        check_range(self, "fov_y_deg", 1.0, 170.0, "degrees")
-        check(0.0 < self.near < self.far, "near", self.near, "0 < near < far")
-        view = [t - e for t, e in zip(self.target, self.eye, strict=True)]
-        cross = [
-            view[1] * self.up[2] - view[2] * self.up[1],
-            view[2] * self.up[0] - view[0] * self.up[2],
-            view[0] * self.up[1] - view[1] * self.up[0],
-        ]
-        check(math.hypot(*cross) > 1e-6, "up", self.up, "not parallel to target - eye")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorkspaceConfig:
-    """The box on the table in which objects are dropped and may be grasped (world frame)."""
-
-    lower: Vector3 = (0.42, -0.20, 0.0)
-    """Metres. The table top is z = 0; the robot's base stands at the origin."""
-    upper: Vector3 = (0.68, 0.20, 0.30)
-    margin: float = 0.05
-    """Metres inside the box's sides within which drop positions are drawn."""
-    drop_height: tuple[float, float] = (0.02, 0.08)
-    """Metres between the table and the lowest corner of the object's bounding box."""
-
-    def __post_init__(self) -> None:
-        for i in range(3):
-            ok = self.upper[i] - self.lower[i] > 2 * self.margin * (i < 2)
-            check(ok, "upper", self.upper, "above lower by more than two margins")
-        low, high = self.drop_height
-        check(0.0 <= low <= high <= 1.0, "drop_height", self.drop_height, "0 <= low <= high <= 1")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PhysicsConfig:
-    """The simulator's rates and solver."""
-
-    free_hz: int = 240
-    """Step rate while nothing is held: fall, transfer and approach."""
-    contact_hz: int = 960
-    """Step rate while the gripper touches: close, lift and hold. 240 Hz flatters labels."""
-    solver_iterations: int = 100
-    gravity: float = 9.81
-    """m/s2, along -z."""
-    settle_s: float = 3.0
-    """The longest time an object may take to come to rest, seconds."""
-
-    def __post_init__(self) -> None:
-        check_range(self, "free_hz", 60, 10_000, "Hz")
-        check_range(self, "contact_hz", 60, 10_000, "Hz")
-        check_range(self, "solver_iterations", 1, 1000)
-        check_range(self, "gravity", 0.1, 30.0, "m/s2")
-        check_range(self, "settle_s", 0.1, 30.0, "s")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionConfig:
-    """How an attempt is executed."""
-
-    pregrasp_distance: float = 0.10
-    """Metres from the grasp, back along the approach axis."""
-    approach_speed: float = 0.25
-    """Peak TCP speed on the straight approach, m/s."""
-    lift_height: float = 0.20
-    """Metres, straight up."""
-    lift_speed: float = 0.40
-    """Peak TCP speed of the lift, m/s."""
-    closing_speed: float = 0.10
-    """Speed of each finger, m/s."""
-    grip_force: float = 20.0
-    """Force limit of each finger, N."""
-    hold_s: float = 0.5
-    """Seconds the object must stay in the hand after the lift."""
-    speed_scale: float = 0.9
-    """Fraction of the robot's joint velocity limits that planned motion may use."""
-
-    def __post_init__(self) -> None:
-        check_range(self, "pregrasp_distance", 0.02, 0.3, "m")
-        check_range(self, "approach_speed", 0.01, 2.0, "m/s")
-        check_range(self, "lift_height", 0.02, 0.5, "m")
-        check_range(self, "lift_speed", 0.01, 2.0, "m/s")
-        check_range(self, "closing_speed", 0.01, 2.0, "m/s")
-        check_range(self, "grip_force", 0.1, 200.0, "N")
-        check_range(self, "hold_s", 0.1, 3.0, "s")
-        check_range(self, "speed_scale", 0.05, 1.0)
-
-    @property
-    def longest_close_s(self) -> float:
-        """Seconds after which closing ends, whatever the fingers do."""
-        return MAX_CLOSING_STROKE / self.closing_speed + CLOSING_SETTLE_S
-
-    @property
-    def approach_s(self) -> float:
-        """Seconds that the approach takes, unless a joint is too slow for it."""
-        return straight_motion_s(self.pregrasp_distance, self.approach_speed)
-
-    @property
-    def lift_s(self) -> float:
-        """Seconds that the lift takes, unless a joint is too slow for it."""
-        return straight_motion_s(self.lift_height, self.lift_speed)
-
-    def longest_attempt(self, record_hz: int) -> int:
-        """Return an upper bound for the number of records of an attempt."""
-        straight = MAX_STRETCH * (self.approach_s + self.lift_s)
-        seconds = MAX_TRANSFER_S + straight + self.longest_close_s + self.hold_s
-        return math.ceil(seconds * record_hz) + len(Phase)  # each phase ends on a whole record
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LabelConfig:
-    """The thresholds behind the success label."""
-
-    min_lift: float = 0.10
-    """Metres that the object must be above its resting height at the end of the hold."""
-
-    def __post_init__(self) -> None:
-        check_range(self, "min_lift", 0.01, 0.5, "m")
 
 
 DEFAULT_CAMERAS = MappingProxyType(
@@ -198,10 +52,10 @@ class FactoryConfig:
     """Rate of the streams; divides both physics rates."""
     block_size: int = 8
     """Episodes that one process makes and commits together."""
-    workspace: WorkspaceConfig = WorkspaceConfig()
-    physics: PhysicsConfig = PhysicsConfig()
-    motion: MotionConfig = MotionConfig()
-    label: LabelConfig = LabelConfig()
+    workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    label: LabelConfig = field(default_factory=LabelConfig)
 
     def __post_init__(self) -> None:
         check_range(self, "seed", 0, 2**63 - 1)

@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.config import (
+from grasp_factory.geometry import Array, Pose
+from grasp_factory.gripper import Gripper
+from grasp_factory.outcome import Outcome
+from grasp_factory.records import from_plain, to_plain
+from grasp_factory.schema import FIELDS
+from grasp_factory.sections import (
     CameraConfig,
     LabelConfig,
     MotionConfig,
     PhysicsConfig,
     WorkspaceConfig,
 )
-from grasp_factory.geometry import Array, Pose
-from grasp_factory.gripper import Gripper
-from grasp_factory.outcome import Outcome
-from grasp_factory.records import from_plain, to_plain
-from grasp_factory.schema import FIELDS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

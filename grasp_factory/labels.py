@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.config import LabelConfig
 from grasp_factory.geometry import Array, Pose, apply, inverse, rotation_vector
 from grasp_factory.outcome import Label, Outcome, Phase
+from grasp_factory.sections import LabelConfig
 
 FELL_OFF = -0.05
 """Metres: a centre of mass this far below the table top has left the table."""

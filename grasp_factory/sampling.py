@@ -7,13 +7,14 @@ from enum import IntEnum
 
 import numpy as np
 
-from grasp_factory.config import FactoryConfig, WorkspaceConfig
+from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import EpisodeSpec, ObjectSpec
 from grasp_factory.errors import lookup
 from grasp_factory.geometry import Pose, quat_xyzw_to_matrix
 from grasp_factory.objects import OBJECT_SETS, ObjectModel
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import to_plain
+from grasp_factory.sections import WorkspaceConfig
 
 
 class Stream(IntEnum):

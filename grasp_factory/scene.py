@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera
-from grasp_factory.config import CameraConfig, WorkspaceConfig
 from grasp_factory.episode import CameraImage, EpisodeSpec, SceneView
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.geometry import Array
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS, Robot
+from grasp_factory.sections import CameraConfig, WorkspaceConfig
 from grasp_factory.sensors import Render, capture, make_camera, render
 from grasp_factory.world import DATA, World
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera, Light
-from grasp_factory.config import PhysicsConfig
 from grasp_factory.errors import GraspFactoryError, RecipeError
 from grasp_factory.geometry import Pose
+from grasp_factory.sections import PhysicsConfig
 
 
 @contextlib.contextmanager

@@ -26,7 +26,8 @@ README = PACKAGE.parent / "README.md"
 LAYERS = (
     ("errors", "geometry", "gripper", "outcome"),
     ("camera", "kinematics", "objects", "records"),
-    ("config", "ik"),
+    ("ik", "sections"),
+    ("config",),
     ("labels", "request", "schema"),
     ("episode", "runlog"),
     ("motion", "painting", "policies", "writers"),

@@ -10,12 +10,12 @@ import pytest
 from scenes import SMALL, cube_spec
 
 from grasp_factory.camera import deproject, project
-from grasp_factory.config import CameraConfig, PhysicsConfig
 from grasp_factory.geometry import Pose, apply, inverse
 from grasp_factory.outcome import Label
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling import sample_spec
 from grasp_factory.scene import build_scene, settle, take_images
+from grasp_factory.sections import CameraConfig, PhysicsConfig
 from grasp_factory.world import World
 
 CAMERAS = {

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from grasp_factory.config import LabelConfig
 from grasp_factory.geometry import Array, Pose, rotation_about, transform
 from grasp_factory.labels import (
     FELL_OFF,
@@ -23,6 +22,7 @@ from grasp_factory.labels import (
 )
 from grasp_factory.outcome import Label, Outcome, Phase
 from grasp_factory.schema import MAX_CONTACTS
+from grasp_factory.sections import LabelConfig
 
 Streams = dict[str, NDArray[Any]]
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.config import MAX_STRETCH, MAX_TRANSFER_S, MotionConfig, WorkspaceConfig
 from grasp_factory.episode import Grasp
 from grasp_factory.geometry import Array, rotation_about, rotation_vector, transform
 from grasp_factory.motion import (
@@ -19,6 +18,7 @@ from grasp_factory.motion import (
     sample,
 )
 from grasp_factory.robots import ROBOTS, arm_chain
+from grasp_factory.sections import MAX_STRETCH, MAX_TRANSFER_S, MotionConfig, WorkspaceConfig
 
 HZ = 240
 RECORD_HZ = 120

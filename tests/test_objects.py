@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from grasp_factory.config import PhysicsConfig
 from grasp_factory.geometry import IDENTITY, Array
 from grasp_factory.objects import OBJECT_SETS, ObjectModel, ObjectSet
 from grasp_factory.robots import ROBOTS
+from grasp_factory.sections import PhysicsConfig
 from grasp_factory.world import DATA, World
 
 BLOBS = OBJECT_SETS["blobs"]

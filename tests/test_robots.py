@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from grasp_factory.config import PhysicsConfig
 from grasp_factory.geometry import Pose, inverse
 from grasp_factory.ik import solve_ik
 from grasp_factory.robots import ROBOTS, Robot, arm_chain
+from grasp_factory.sections import PhysicsConfig
 from grasp_factory.world import World
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -139,7 +139,7 @@ class TestRobot:
                 pybullet.removeBody(probe, physicsClientId=world._client)
 
     def test_every_place_of_the_workspace_can_be_reached_from_above(self, name):
-        from grasp_factory.config import WorkspaceConfig
+        from grasp_factory.sections import WorkspaceConfig
 
         model, box = ROBOTS[name], WorkspaceConfig()
         chain = arm_chain(model)

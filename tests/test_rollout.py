@@ -13,7 +13,6 @@ import pytest
 from scenes import SMALL, cube_spec, default_episodes
 
 from grasp_factory import rollout
-from grasp_factory.config import CameraConfig
 from grasp_factory.episode import EpisodeSpec, Grasp, GraspPlan
 from grasp_factory.errors import RecipeError
 from grasp_factory.labels import judge, measure, target_com, touching
@@ -23,6 +22,7 @@ from grasp_factory.policies.top_down import TopDownParameters
 from grasp_factory.robots import ROBOTS
 from grasp_factory.rollout import run_episode
 from grasp_factory.sampling import sample_spec
+from grasp_factory.sections import CameraConfig
 from grasp_factory.world import World
 
 

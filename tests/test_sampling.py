@@ -11,12 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp_factory import sampling
-from grasp_factory.config import FactoryConfig, WorkspaceConfig
+from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import EpisodeSpec
 from grasp_factory.errors import UnknownNameError
 from grasp_factory.geometry import apply
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.sampling import Stream, rng_for, sample_spec
+from grasp_factory.sections import WorkspaceConfig
 
 CONFIG = FactoryConfig(seed=7)
 SEEDS = st.integers(0, 2**63 - 1)

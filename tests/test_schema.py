@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from grasp_factory import schema
-from grasp_factory.config import CameraConfig, FactoryConfig
+from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import CameraFrames
 from grasp_factory.labels import Measurements
 from grasp_factory.outcome import Label, Outcome, Phase, names
 from grasp_factory.schema import FIELDS, Field, expand, markdown_table, shape, sizes
+from grasp_factory.sections import CameraConfig
 
 CAMERAS = {
     "front": CameraConfig(eye=(1.1, 0.0, 0.6), target=(0.5, 0.0, 0.1)),

@@ -9,9 +9,9 @@ import pytest
 from scenes import SMALL
 
 from grasp_factory.camera import Camera, Intrinsics, Light, deproject, zbuffer_to_depth
-from grasp_factory.config import PhysicsConfig
 from grasp_factory.errors import GraspFactoryError, RecipeError
 from grasp_factory.geometry import IDENTITY, Pose, apply, look_at
+from grasp_factory.sections import PhysicsConfig
 from grasp_factory.world import DATA, World
 
 WHITE = (1.0, 1.0, 1.0, 1.0)

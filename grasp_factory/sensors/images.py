@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera, Intrinsics, Light, zbuffer_to_depth
-from grasp_factory.config import CameraConfig
 from grasp_factory.episode import CameraImage
 from grasp_factory.geometry import look_at
 from grasp_factory.outcome import Label
+from grasp_factory.sections import CameraConfig
 from grasp_factory.world import World
 
 _BODY_MASK = (1 << 24) - 1
