@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import io
 import os
+import signal
 import sys
-from typing import NoReturn
+from collections.abc import Iterator
+from typing import Any, NoReturn
 
 import click
 
-from grasp_factory.cli import EXIT_DONE, EXIT_FAILURE, EXIT_INTERRUPTED, EXIT_USAGE, cli
-from grasp_factory.errors import GraspFactoryError, UsageError
+from grasp_factory.cli import (
+    EXIT_DONE,
+    EXIT_FAILURE,
+    EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
+    EXIT_USAGE,
+    cli,
+)
+from grasp_factory.errors import GraspFactoryError, Terminated, UsageError
 
 DISK_TROUBLE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS}
+LONGEST_MESSAGE = 1000
 
 
 def main() -> NoReturn:
-    """Run the command and exit: 0 done, 1 failure, 2 usage, 130 stopped by Ctrl-C.
+    """Run the command and exit: 0 done, 1 failure, 2 usage, 130 by Ctrl-C, 143 by SIGTERM.
 
     An error that we foresaw is one line on stderr; a bug keeps its traceback.
     """
+    _mend_streams()
     try:
-        code = cli.main(prog_name="grasp-factory", standalone_mode=False) or EXIT_DONE
+        with _sigterm_as_exception():
+            code = cli.main(prog_name="grasp-factory", standalone_mode=False) or EXIT_DONE
         sys.stdout.flush()
     except click.ClickException as error:
         code = _complain(error.format_message(), error.exit_code)
@@ -29,8 +43,9 @@ def main() -> NoReturn:
         code = _complain(str(error), EXIT_USAGE)
     except GraspFactoryError as error:
         code = _complain(str(error), EXIT_FAILURE)
-    except (click.Abort, KeyboardInterrupt):
-        code = _complain("stopped", EXIT_INTERRUPTED)
+    except (click.Abort, KeyboardInterrupt) as error:
+        terminated = isinstance(error.__cause__ or error, Terminated)
+        code = _complain("stopped", EXIT_TERMINATED if terminated else EXIT_INTERRUPTED)
     except BrokenPipeError:  # the reader of our output left: nobody to tell
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_FAILURE
@@ -41,9 +56,55 @@ def main() -> NoReturn:
     sys.exit(code)
 
 
+def _mend_streams() -> None:
+    """Make stdin, stdout and stderr usable, however the process was started.
+
+    A stream that was closed (``>&-``) leads to nowhere: its number must not go to the next file
+    that is opened, which would then get what is printed. A text that the terminal's encoding
+    lacks, such as a path of arbitrary bytes, is printed with escapes.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            if nowhere != number:
+                os.dup2(nowhere, number)
+                os.close(nowhere)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+@contextlib.contextmanager
+def _sigterm_as_exception() -> Iterator[None]:
+    """Raise ``Terminated`` at the first SIGTERM, so that everything is left in good order."""
+
+    def terminate(*_: Any) -> NoReturn:
+        # `timeout` sends it twice. Not SIG_IGN: Python complains of a signal on its way meanwhile.
+        signal.signal(signal.SIGTERM, lambda *_: None)
+        raise Terminated
+
+    before = signal.signal(signal.SIGTERM, terminate)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _complain(message: str, code: int) -> int:
-    click.echo("Error: " + " ".join(message.split()), err=True)
+    line = "".join(c if c.isprintable() else _escaped(c) for c in " ".join(message.split()))
+    if len(line) > LONGEST_MESSAGE:
+        half = LONGEST_MESSAGE // 2
+        line = f"{line[:half]} ... {line[-half:]}"
+    click.echo(f"Error: {line}", err=True)
     return code
+
+
+def _escaped(character: str) -> str:
+    return character.encode("unicode_escape", "surrogatepass").decode("ascii")
 
 
 if __name__ == "__main__":

@@ -8,31 +8,33 @@ What is slow to import is imported by the command that needs it, so that ``--hel
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Iterable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from grasp_factory import __version__
-from grasp_factory.config import FactoryConfig, read_yaml
-from grasp_factory.errors import GraspFactoryError, UsageError
+from grasp_factory.arguments import AS_JSON, STORE, Commands, indices, resolution, weighted
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import Terminated
 from grasp_factory.records import to_plain
 from grasp_factory.request import Request, resolve_request
+from grasp_factory.sections import PHYSICS_PRESETS
+from grasp_factory.yamltext import read_yaml
 
 if TYPE_CHECKING:
     from grasp_factory.factory import Summary
 
 DEFAULTS = Request(config=FactoryConfig())
 _SIZE = "x".join(str(side) for side in DEFAULTS.config.resolution)
-EXIT_DONE, EXIT_FAILURE, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
-STORE = click.argument("path", type=click.Path(path_type=Path))
-AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts.")
+EXIT_DONE, EXIT_FAILURE, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
 
 
 @click.group(
+    cls=Commands,
     invoke_without_command=True,
     subcommand_metavar="COMMAND [ARGS]...",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -43,21 +45,6 @@ def cli(ctx: click.Context) -> None:
     """Make datasets of robot grasps in simulation, and look at them."""
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
-
-
-def _resolution(text: str) -> list[int]:
-    match = re.fullmatch(r"(\d{1,6})[xX](\d{1,6})", text)
-    if not match:
-        raise click.BadParameter(f"{text!r}: expected WIDTHxHEIGHT in pixels, such as 640x480")
-    return [int(side) for side in match.groups()]
-
-
-def _weighted(text: str) -> tuple[str, float]:
-    name, colon, weight = text.partition(":")
-    try:
-        return name, float(weight) if colon else 1.0
-    except ValueError:
-        raise click.BadParameter(f"{text!r}: expected NAME or NAME:WEIGHT, as in x:2") from None
 
 
 @cli.command()
@@ -73,7 +60,7 @@ def _weighted(text: str) -> tuple[str, float]:
 @click.option(
     "--policy",
     "policies",
-    type=_weighted,
+    type=weighted,
     metavar="NAME[:WEIGHT]",
     multiple=True,
     help="One of `grasp-factory policies`, with the weight of its share; repeatable.",
@@ -81,16 +68,21 @@ def _weighted(text: str) -> tuple[str, float]:
 @click.option(
     "--objects",
     "object_sets",
-    type=_weighted,
+    type=weighted,
     metavar="NAME[:WEIGHT]",
     multiple=True,
     help="One of `grasp-factory objects`, with the weight of its share; repeatable.",
 )
 @click.option(
     "--resolution",
-    type=_resolution,
+    type=resolution,
     metavar="WxH",
     help=f"Of all images, pixels.  [default: {_SIZE}]",
+)
+@click.option(
+    "--physics",
+    type=click.Choice(sorted(PHYSICS_PRESETS)),
+    help="fast takes half the time, and its labels flatter by a point or two.  [default: default]",
 )
 @click.option(
     "--record-hz", type=int, help=f"Of the streams.  [default: {DEFAULTS.config.record_hz}]"
@@ -121,6 +113,8 @@ def generate(
     already stays as it is. So a run may be stopped, and started again with the same command.
     """
     settings = {key: value for key, value in flags.items() if value not in (None, ())}
+    if "physics" in settings:
+        settings["physics"] = PHYSICS_PRESETS[settings["physics"]]
     for key in {"policies", "object_sets"} & settings.keys():
         settings[key] = dict(settings[key])
     request = resolve_request(read_yaml(file) if file else {}, settings, assignments)
@@ -132,8 +126,8 @@ def generate(
         return
     try:
         summary = _generate(request, quiet=quiet)
-    except KeyboardInterrupt:
-        _stopped(request)
+    except KeyboardInterrupt as why:
+        _stopped(request, why)
     if as_json:
         _print_json(summary)
     elif not quiet:
@@ -149,10 +143,10 @@ def info(path: Path, as_json: bool) -> None:
     """Say what the store at PATH holds."""
     from grasp_factory import report
     from grasp_factory.dataset import Dataset
-    from grasp_factory.summary import summarise
+    from grasp_factory.summary import array_facts, summarise
 
     dataset = Dataset.open(path)
-    store, arrays = summarise(dataset), report.array_facts(path)
+    store, arrays = summarise(dataset), array_facts(dataset)
     if as_json:
         more = {"attributes": dict(dataset.attributes), "arrays": arrays}
         _print_json(to_plain(store) | more)
@@ -186,6 +180,35 @@ def replay(ctx: click.Context, path: Path, index: int, as_json: bool) -> None:
 
 @cli.command()
 @STORE
+@click.option("--name", required=True, help="Of the new label column, labels/NAME.")
+@click.option("--min-lift", type=float, help="Metres above the rest, at the end of the hold.")
+@click.option("--min-shake", type=float, help="Level of the shake to survive; 0 for none.")
+@click.option("--min-grip-force", type=float, help="Newtons of either pad, during the hold.")
+@click.option("--max-slip-distance", type=float, help="Metres in the hand.")
+@click.option("--max-slip-angle", type=float, help="Radians in the hand.")
+@AS_JSON
+def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) -> None:
+    """Label a store anew, from other thresholds, without simulating.
+
+    Thresholds that are not given are those the store at PATH was made with. Its own labels stay.
+    """
+    from grasp_factory.dataset import Dataset
+    from grasp_factory.records import from_plain
+    from grasp_factory.relabel import relabel as run
+    from grasp_factory.report import relabel_text
+    from grasp_factory.sections import LabelConfig
+
+    given = {key: value for key, value in thresholds.items() if value is not None}
+    settings = to_plain(Dataset.open(path).config.label) | given
+    result = run(path, name, from_plain(LabelConfig, settings))
+    if as_json:
+        _print_json(result)
+    else:
+        click.echo(relabel_text(result))
+
+
+@cli.command()
+@STORE
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option(
     "--episodes", metavar="I,J,...", help="Which ones.  [default: up to 12, both classes]"
@@ -201,37 +224,46 @@ def sheet(path: Path, out: Path, episodes: str | None, camera: str | None) -> No
     from grasp_factory.sheet import sheet_of, write_png
 
     dataset = Dataset.open(path)
-    wanted = None if episodes is None else _indices(episodes)
+    wanted = None if episodes is None else indices(episodes)
     image = sheet_of(dataset, wanted, camera or next(iter(dataset.config.cameras)))
     write_png(out, image)
     click.echo(out)
 
 
-@cli.command()
+@cli.command("check-physics")
+@click.option("--short", is_flag=True, help="A minute instead of ten: fewer episodes.")
 @AS_JSON
-def robots(as_json: bool) -> None:
-    """List the robots."""
-    from grasp_factory.robots import ROBOTS
+def check_physics(short: bool, as_json: bool) -> None:
+    """Measure on this machine how far forces and labels can be trusted.
 
-    _print_table(ROBOTS, as_json)
+    Prints each figure beside its bound; exits with 1 if one is not met.
+    """
+    from grasp_factory.checks import FULL, SHORT
+    from grasp_factory.checks import check_physics as run
+    from grasp_factory.report import figures_text
+
+    figures = list(run(SHORT if short else FULL, lambda part: click.echo(f"{part} ...", err=True)))
+    if as_json:
+        _print_json([to_plain(f) | {"passes": f.passes, "bound": f.bound} for f in figures])
+    else:
+        click.echo(figures_text(figures))
+    sys.exit(EXIT_DONE if all(f.passes for f in figures) else EXIT_FAILURE)
 
 
-@cli.command()
-@AS_JSON
-def policies(as_json: bool) -> None:
-    """List the policies, which choose grasps from images."""
-    from grasp_factory.policies import POLICIES
+def _add_listing(name: str, help: str) -> None:
+    """Add a command that lists a table: ``robots``, ``policies`` or ``objects``."""
 
-    _print_table(POLICIES, as_json)
+    @cli.command(name, help=help)
+    @AS_JSON
+    def listing(as_json: bool) -> None:
+        module = import_module(f"grasp_factory.{name}")
+        table = getattr(module, {"objects": "OBJECT_SETS"}.get(name, name.upper()))
+        _print_table(table, as_json)
 
 
-@cli.command()
-@AS_JSON
-def objects(as_json: bool) -> None:
-    """List the sets of objects."""
-    from grasp_factory.objects import OBJECT_SETS
-
-    _print_table(OBJECT_SETS, as_json)
+_add_listing("robots", "List the robots.")
+_add_listing("policies", "List the policies, which choose grasps from images.")
+_add_listing("objects", "List the sets of objects.")
 
 
 def _generate(request: Request, *, quiet: bool) -> Summary:
@@ -249,21 +281,11 @@ def _generate(request: Request, *, quiet: bool) -> Summary:
         )
 
 
-def _stopped(request: Request) -> NoReturn:
-    from grasp_factory.dataset import Dataset
+def _stopped(request: Request, why: KeyboardInterrupt) -> NoReturn:
+    from grasp_factory.progress import stopped_text
 
-    try:
-        made = f"{len(Dataset.open(request.out).committed)} episodes are in {request.out}"
-    except GraspFactoryError:
-        made = "nothing is made yet"
-    click.echo(f"Stopped: {made}; run the same command again to go on.", err=True)
-    sys.exit(EXIT_INTERRUPTED)
-
-
-def _indices(text: str) -> list[int]:
-    if not re.fullmatch(r"\d{1,9}(,\d{1,9})*", text):
-        raise UsageError(f"--episodes {text!r}: expected indices with commas, such as 0,3,7")
-    return [int(word) for word in text.split(",")]
+    click.echo(stopped_text(request.out), err=True)
+    sys.exit(EXIT_TERMINATED if isinstance(why, Terminated) else EXIT_INTERRUPTED)
 
 
 def _print_json(record: Any) -> None:

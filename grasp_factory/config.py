@@ -4,28 +4,53 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import yaml
-
-from grasp_factory.errors import ConfigError
-from grasp_factory.records import check, check_range, from_plain, to_plain
+from grasp_factory.errors import ConfigError, shown
+from grasp_factory.outcome import Phase
+from grasp_factory.records import (
+    check,
+    check_range,
+    from_plain,
+    is_integer,
+    is_number,
+    normalise,
+    to_plain,
+)
 from grasp_factory.sections import (
+    SHAKE_MOTIONS,
     CameraConfig,
     LabelConfig,
     MotionConfig,
     PhysicsConfig,
+    ShakeConfig,
     WorkspaceConfig,
 )
 
 
 def _check_weights(key: str, weights: Mapping[str, float]) -> None:
-    ok = len(weights) > 0 and all(w >= 0.0 for w in weights.values()) and sum(weights.values()) > 0
+    ok = all(weight >= 0.0 for weight in weights.values()) and 0.0 < sum(weights.values())
     check(ok, key, dict(weights), "names with weights >= 0, at least one above 0")
+    ok = math.isfinite(sum(weights.values()))
+    check(ok, key, dict(weights), "weights whose sum is a finite number")
+
+
+def _settled(value: Any) -> Any:
+    """Return plain data of free form in one form for all that is equal: 1.0 and 1 become 1."""
+    if isinstance(value, Mapping):
+        return {str(key): _settled(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_settled(item) for item in value]
+    if is_integer(value):
+        return int(value)
+    if is_number(value):
+        number = float(value)
+        return int(number) if number.is_integer() and abs(number) < 2**53 else number
+    return value
 
 
 DEFAULT_CAMERAS = MappingProxyType(
@@ -50,17 +75,26 @@ class FactoryConfig:
     """Image width and height, pixels."""
     record_hz: int = 120
     """Rate of the streams; divides both physics rates."""
+    imu_hz: int = 400
+    """Rate of the IMU; the nearest that fits the others is taken (``imu_rate``)."""
     block_size: int = 8
     """Episodes that one process makes and commits together."""
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
+    shake: ShakeConfig = field(default_factory=ShakeConfig)
     label: LabelConfig = field(default_factory=LabelConfig)
 
     def __post_init__(self) -> None:
+        try:
+            normalise(self)
+            object.__setattr__(self, "policy_parameters", _settled(self.policy_parameters))
+        except RecursionError:
+            raise ConfigError("config: it is nested too deeply; valid: a few levels") from None
         check_range(self, "seed", 0, 2**63 - 1)
         check_range(self, "block_size", 1, 1024)
-        check_range(self, "record_hz", 1, 10_000, "Hz")
+        check_range(self, "record_hz", 10, 10_000, "Hz")  # labels are read from the records
+        check_range(self, "imu_hz", 1, 10_000, "Hz")
         _check_weights("policies", self.policies)
         _check_weights("object_sets", self.object_sets)
         check(len(self.cameras) > 0, "cameras", {}, "at least one camera")
@@ -75,6 +109,26 @@ class FactoryConfig:
         valid = f"less than motion.lift_height ({self.motion.lift_height})"
         lift = self.label.min_lift
         check(lift < self.motion.lift_height, "label.min_lift", lift, valid)
+
+        strongest = max(self.shake.levels, default=0.0)
+        valid = f"at most the last of shake.levels ({strongest})"
+        check(self.label.min_shake <= strongest, "label.min_shake", self.label.min_shake, valid)
+
+    @property
+    def imu_rate(self) -> int:
+        """The IMU's rate, Hz: it divides both physics rates and is a multiple of ``record_hz``."""
+        whole = math.gcd(self.physics.free_hz, self.physics.contact_hz)
+        rates = [r for r in range(self.record_hz, whole + 1, self.record_hz) if whole % r == 0]
+        return min(rates, key=lambda rate: abs(rate - self.imu_hz))
+
+    @property
+    def longest_attempt(self) -> int:
+        """An upper bound for the number of records of an attempt."""
+        # Each motion may be rounded up to the control rate.
+        motions = len(Phase) + SHAKE_MOTIONS * len(self.shake.levels)
+        rounding = motions / self.physics.control_hz
+        seconds = self.motion.longest_s + self.shake.longest_s + rounding
+        return math.ceil(seconds * self.record_hz)
 
     @classmethod
     def from_plain(cls, data: Any) -> FactoryConfig:
@@ -95,38 +149,16 @@ class FactoryConfig:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
-    """Return the mapping that a YAML file holds.
-
-    Raises:
-        ConfigError: if the file cannot be read, is no YAML, or holds no mapping.
-    """
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"config file {path} cannot be read: {error}") from None
-    except yaml.MarkedYAMLError as error:
-        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
-        raise ConfigError(f"config file {path} is not valid YAML: {line}{error.problem}") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ConfigError(f"config file {path} is not valid YAML: {first}") from None
-    if data is None:
-        return {}
-    if not isinstance(data, dict):
-        raise ConfigError(f"config file {path}: expected a mapping of keys, got {data!r:.80}")
-    return data
-
-
 def first_difference(a: Any, b: Any, where: str = "") -> str | None:
     """Return ``key: a's value against b's`` for the first difference of two plain configs."""
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         for key in [*a, *(k for k in b if k not in a)]:
             here = f"{where}.{key}" if where else str(key)
             if key not in a or key not in b:
-                return f"{here}: {a.get(key, 'absent')!r} against {b.get(key, 'absent')!r}"
+                left, right = (shown(side.get(key, "absent")) for side in (a, b))
+                return f"{here}: {left} against {right}"
             found = first_difference(a[key], b[key], here)
             if found:
                 return found
         return None
-    return None if a == b else f"{where}: {a!r} against {b!r}"
+    return None if a == b else f"{where}: {shown(a)} against {shown(b)}"

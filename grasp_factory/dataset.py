@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +11,20 @@ import zarr
 from numpy.typing import NDArray
 
 from grasp_factory import schema
+from grasp_factory.conditions import matching
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import CameraFrames, Episode, EpisodeSpec, checksum
-from grasp_factory.errors import StoreError, UsageError, lookup
+from grasp_factory.errors import StoreError, lookup, shown
 from grasp_factory.outcome import Outcome
-from grasp_factory.writers.header import open_array, open_store
+from grasp_factory.records import is_integer
+from grasp_factory.writers.header import open_array, open_store, read_array
 
 Row = dict[str, NDArray[Any]]
 """Values of one episode by path, streams trimmed."""
 
-_NEEDED = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps")
+_NEEDED = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu")
 """Columns that every store has, and that are not in ``Episode.columns``."""
+LABEL_COLUMNS = ("outcome", "success")
 _NOT_IN_CHECKSUM = ("episodes/status", "episodes/checksum", "episodes/error")
 
 
@@ -106,6 +109,8 @@ class Dataset:
     def where(self, **conditions: Any) -> NDArray[np.int64]:
         """Return the committed rows in which each named column has the value, or one of a list.
 
+        A word that no row of a text column has, as in ``policy="nope"``, matches no row.
+
         Example: ``where(success=False, outcome=["no_contact", "collision"], split="train")``.
 
         Raises:
@@ -116,12 +121,7 @@ class Dataset:
         keep = self.status == 1
         for name, value in conditions.items():
             values = self.column(name)
-            if values.ndim > 1:
-                raise UsageError(f"where: {name} has {values.shape[1:]} values a row, valid: one")
-            row = self._fields[f"episodes/{name}"]
-            several = isinstance(value, Iterable) and not isinstance(value, str)
-            wanted = [values == _stored(row, item) for item in (value if several else [value])]
-            keep &= np.logical_or.reduce(wanted) if wanted else False
+            keep &= matching(self._fields[f"episodes/{name}"], values, value)
         return np.flatnonzero(keep)
 
     def __getitem__(self, index: int) -> Episode:
@@ -129,6 +129,7 @@ class Dataset:
 
         Raises:
             IndexError: naming the valid range.
+            TypeError: for anything but an integer.
             StoreError: if the row is missing, quarantined or damaged.
         """
         i = self._committed_row(index)
@@ -180,6 +181,37 @@ class Dataset:
         i, path = self._committed_row(index), lookup(kinds, "image kind", kind)
         return np.asarray(self._read(path, i, i + 1, frame)[0])
 
+    def series(self, index: int, *names: str) -> dict[str, NDArray[Any]]:
+        """Return some streams of one episode, unpadded, reading no others.
+
+        Raises:
+            UnknownNameError: listing the streams.
+        """
+        i = self._committed_row(index)
+        streams = {p.removeprefix("streams/"): p for p in self._fields if p.startswith("streams/")}
+        paths = {name: lookup(streams, "stream", name) for name in names}
+        n_steps = int(self._read("episodes/n_steps", i, i + 1)[0])
+        return {name: self._read(path, i, i + 1)[0][:n_steps] for name, path in paths.items()}
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of the labels that were added to the store's own (``grasp-factory relabel``)."""
+        found = (self.path / "labels").glob("*/zarr.json")
+        return sorted(file.parent.name for file in found if not file.parent.name.startswith("."))
+
+    def label(self, name: str) -> NDArray[np.uint8]:
+        """Return an added label's outcomes, one for each row there was when it was made.
+
+        Raises:
+            UnknownNameError: listing the labels.
+        """
+        lookup(dict.fromkeys(self.labels), "label", name)
+        return read_array(self._label_columns()[f"labels/{name}/outcome"])
+
+    def arrays(self) -> dict[str, zarr.Array[Any]]:
+        """Return every array of the store by its path, added labels included."""
+        return {**self._arrays, **self._label_columns()}
+
     def verify(self, index: int) -> bool:
         """Say whether an episode still has the checksum that it was written with.
 
@@ -196,6 +228,9 @@ class Dataset:
         return checksum({p: v for p, v in row.items() if p not in _NOT_IN_CHECKSUM}) == stored
 
     def _present_row(self, index: int) -> tuple[int, int]:
+        if not is_integer(index):
+            what = f"episode index: got {shown(index)}, valid: one integer, as in ds[3]"
+            raise TypeError(f"{what}; for several: where() and iter_blocks()")
         size = len(self)
         if not -size <= index < size:
             valid = f"valid: {-size} to {size - 1}" if size else "the store has no episodes"
@@ -214,21 +249,21 @@ class Dataset:
         return i
 
     def _read(self, path: str, start: int, stop: int, *more: int) -> NDArray[Any]:
-        selection: tuple[int | slice, ...] = (slice(start, stop), *more)
-        try:
-            return np.asarray(self._arrays[path][selection])
-        except (OSError, ValueError, RuntimeError) as error:
-            what = f"{path} of episodes {start} to {stop - 1}"
-            raise StoreError(f"{self.path}: {what} cannot be read: {error}") from None
+        return read_array(self._arrays[path], slice(start, stop), *more)
+
+    def _label_columns(self) -> dict[str, zarr.Array[Any]]:
+        root, _ = open_store(self.path, mode="r")
+        paths = [f"labels/{name}/{column}" for name in self.labels for column in LABEL_COLUMNS]
+        return {path: open_array(root, path) for path in paths}
 
     def _read_rows(self, start: int, stop: int) -> list[Row]:
         whole = {path: self._read(path, start, stop) for path in self._fields}
         rows = []
-        for k, n_steps in enumerate(whole["episodes/n_steps"]):
+        for k in range(stop - start):
             row = {path: np.asarray(values[k]) for path, values in whole.items()}
             for path, field in self._fields.items():
-                if field.is_stream:
-                    row[path] = row[path][:n_steps]
+                if field.length_column:
+                    row[path] = row[path][: row[field.length_column]]
             rows.append(row)
         return rows
 
@@ -245,6 +280,7 @@ class Dataset:
                 columns={k: _plain(v) for k, v in columns.items() if k not in _NEEDED},
                 cameras={c: CameraFrames(**groups[f"cameras/{c}"]) for c in self.config.cameras},
                 streams=groups["streams"],
+                imu=groups["imu"],
             )
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise StoreError(f"{self.path}: episode {i} is damaged: {error}") from None
@@ -253,19 +289,3 @@ class Dataset:
 def _plain(value: NDArray[Any]) -> Any:
     """Return a single value as a Python one; ``Episode.contents`` turns it back exactly."""
     return value.item() if value.ndim == 0 else value
-
-
-def _stored(row: schema.Field, value: Any) -> Any:
-    """Return what a column holds for ``value``: for a word of a coded column, its code.
-
-    Raises:
-        UnknownNameError: for a word that a coded column does not know.
-        UsageError: for a value of another type than the column's.
-    """
-    name = row.path.removeprefix("episodes/")
-    if row.names and isinstance(value, str):
-        return lookup({word: code for code, word in enumerate(row.names)}, name, value)
-    kind = np.asarray(value).dtype.kind
-    if kind not in {"string": "UT", "bool": "b"}.get(row.dtype, "iuf"):
-        raise UsageError(f"where: {name}: got {value!r}, valid: {row.dtype}")
-    return value

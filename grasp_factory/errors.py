@@ -14,10 +14,15 @@ GraspFactoryError
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
+
+
+class Terminated(KeyboardInterrupt):
+    """The process was asked to end, by SIGTERM; like Ctrl-C in all but the exit code."""
 
 
 class GraspFactoryError(Exception):
@@ -59,9 +64,32 @@ class WorkerError(GraspFactoryError):
     """A worker process died before it had finished its block."""
 
 
+class _Shown(reprlib.Repr):
+    """``repr`` with bounds: of how much is visited, and of how long the text gets."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 3
+        self.maxdict = self.maxlist = self.maxtuple = self.maxset = 8
+        self.maxstring = self.maxother = 120
+        self.maxlong = 60
+
+    def repr_int(self, x: int, level: int) -> str:
+        try:
+            return super().repr_int(x, level)
+        except ValueError:  # Python writes no integer of more than 4300 digits
+            return f"an integer of {x.bit_length()} bits"
+
+
+def shown(value: Any) -> str:
+    """Return ``repr(value)`` for an error message: short, whatever a user has put in."""
+    text = _Shown().repr(value)
+    return text if len(text) <= 300 else f"{text[:300]}..."
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """Return a ``; did you mean 'x'?`` hint, or an empty string when nothing is close."""
-    close = difflib.get_close_matches(name, list(valid), n=1)
+    close = difflib.get_close_matches(name[:100], list(valid), n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
@@ -74,4 +102,4 @@ def lookup(table: Mapping[str, T], kind: str, name: str) -> T:
     if name in table:
         return table[name]
     valid = ", ".join(sorted(table))
-    raise UnknownNameError(f"unknown {kind} {name!r}{nearest(name, table)} (valid: {valid})")
+    raise UnknownNameError(f"unknown {kind} {shown(name)}{nearest(name, table)} (valid: {valid})")

@@ -123,6 +123,8 @@ class _Worker:
     block: int
     done: int = 0
     """Blocks that it has finished."""
+    heard: bool = False
+    """It has sent something, so it had started well."""
 
     def give(self, block: int) -> None:
         self.block = block
@@ -136,9 +138,10 @@ class _Worker:
             self.process.join(timeout=5.0)  # it may still be on its way out
             self.stop()
             raise WorkerError(
-                f"a worker died in block {self.block} ({self._cause()}); the blocks that are"
-                " committed stay: run the same command again to go on"
+                f"a worker died in block {self.block} ({self._cause()}){self._hint()}; the blocks"
+                " that are committed stay: run the same command again to go on"
             ) from None
+        self.heard = True
         return kind, value
 
     def stop(self) -> None:
@@ -148,6 +151,14 @@ class _Worker:
         self.process.kill()
         self.process.join()
         self.pipe.close()
+
+    def _hint(self) -> str:
+        if self.heard or self.process.exitcode != 1:
+            return ""
+        return (
+            " before it began: a script that calls generate() with several workers does so under"
+            ' `if __name__ == "__main__":`'
+        )
 
     def _cause(self) -> str:
         code = self.process.exitcode or 0
@@ -186,7 +197,8 @@ def _serve(task: Task[Any], pipe: connection.Connection[Any, Any]) -> None:
 
 
 def _leave(*_: Any) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would cut the tidying short
+    # A second one would cut the tidying short. Not SIG_IGN: Python complains of one on its way.
+    signal.signal(signal.SIGTERM, lambda *_: None)
     sys.exit(128 + signal.SIGTERM)
 
 

@@ -16,6 +16,7 @@ from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.executors import Report, make_executor
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.policies import POLICIES
+from grasp_factory.records import check
 from grasp_factory.request import Request
 from grasp_factory.robots import ROBOTS, RobotModel
 from grasp_factory.rollout import run_episode
@@ -25,7 +26,7 @@ from grasp_factory.summary import StoreSummary, summarise
 from grasp_factory.world import World
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.lock import StoreLock
-from grasp_factory.writers.store import pending_blocks, prepare_store
+from grasp_factory.writers.store import check_place, pending_blocks, prepare_store
 from grasp_factory.writers.zarr import ZarrWriter
 
 
@@ -99,24 +100,25 @@ def generate(
     request = Request(config=config, n=n, workers=workers, out=Path(out))
     robot = check_names(config)
     path, start = request.out, time.monotonic()
-    with StoreLock(path):
-        prepare_store(path, config, len(robot.arm_joints), n, {"robot": robot.facts()})
+    target = check_place(path, config)
+    with StoreLock(path), RunLog(target, request) as log:
+        prepare_store(path, config, len(robot.arm_joints), request.n, {"robot": robot.facts()})
         plan = _plan(request)
         on_start(plan)
         if plan.blocks:
-            with RunLog(path, request) as log:
-                task = functools.partial(make_block, config=config, path=path)
+            log.begin()
+            task = functools.partial(make_block, config=config, path=path)
 
-                def count(made: Made) -> None:
-                    log.count()
-                    on_episode(made)
+            def count(made: Made) -> None:
+                log.count()
+                on_episode(made)
 
-                make_executor(workers).run(task, plan.blocks, count)
+            make_executor(request.workers).run(task, plan.blocks, count)
         seconds = time.monotonic() - start
         return Summary(
-            asked=n,
+            asked=request.n,
             made=plan.to_make,
-            already_there=_there(plan, n),
+            already_there=_there(plan, request.n),
             seconds=round(seconds, 3),
             episodes_per_second=round(plan.to_make / seconds, 3) if plan.blocks else None,
             store=summarise(Dataset.open(path)),
@@ -128,13 +130,17 @@ def check_names(config: FactoryConfig) -> RobotModel:
 
     Raises:
         UnknownNameError: naming the kind, the nearest and all valid names.
-        ConfigError: naming a policy's setting that is not valid.
+        ConfigError: naming a policy's setting, or what the robot cannot do.
     """
     for name in {**config.policies, **config.policy_parameters}:
         lookup(POLICIES, "policy", name).settings(config.policy_parameters.get(name, {}))
     for object_set in config.object_sets:
         lookup(OBJECT_SETS, "object set", object_set)
-    return lookup(ROBOTS, "robot", config.robot)
+    robot = lookup(ROBOTS, "robot", config.robot)
+    (low, high), force = robot.gripper.force_range, config.motion.grip_force
+    valid = f"{low:g} to {high:g} N, which is what the gripper of {robot.name} can do"
+    check(low <= force <= high, "motion.grip_force", force, valid)
+    return robot
 
 
 def make_block(block: int, report: Report, *, config: FactoryConfig, path: Path) -> list[Made]:

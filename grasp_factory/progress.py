@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from types import TracebackType
 
 import click
 from tqdm import tqdm  # type: ignore[import-untyped]
 
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import GraspFactoryError
 from grasp_factory.factory import Made, Plan
 from grasp_factory.report import percent, plan_text
 
 _BAR = "{percentage:3.0f} % |{bar}| {n}/{total} [{elapsed}, {remaining} left, {rate_fmt}{postfix}]"
 tqdm.monitor_interval = 0  # no helper thread: signals and spawned workers stay simple
+
+
+def stopped_text(path: Path) -> str:
+    """Return one line on a run that was stopped, and how to go on."""
+    try:
+        made = f"{len(Dataset.open(path).committed)} episodes are in {path}"
+    except GraspFactoryError:
+        made = "nothing is made yet"
+    return f"Stopped: {made}; run the same command again to go on."
 
 
 class Progress:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import numbers
 import types
 import typing
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from enum import Enum
 from functools import cache
 from typing import Any, TypeVar, cast
 
-from grasp_factory.errors import ConfigError, nearest
+from grasp_factory.errors import ConfigError, nearest, shown
 
 R = TypeVar("R")
 
@@ -37,12 +38,12 @@ def from_plain(cls: type[R], data: Any, where: str = "") -> R:
             default, a wrong type, or a value that the record's own checks refuse.
     """
     if not isinstance(data, Mapping):
-        raise ConfigError(f"{where or 'config'}: expected a mapping of keys, got {data!r}")
+        raise ConfigError(f"{where or 'config'}: expected a mapping of keys, got {shown(data)}")
     hints = _hints(cast(Any, cls))
     for key in data:
         if key not in hints:
             raise ConfigError(
-                f"unknown key {_join(where, str(key))!r}{nearest(str(key), hints)}"
+                f"unknown key {shown(_join(where, str(key)))}{nearest(str(key), hints)}"
                 f" (valid: {', '.join(hints)})"
             )
     values = {key: _convert(hints[key], item, _join(where, key)) for key, item in data.items()}
@@ -56,16 +57,41 @@ def from_plain(cls: type[R], data: Any, where: str = "") -> R:
         raise ConfigError(f"{where}.{error}" if where else str(error)) from None
 
 
+def normalise(record: Any) -> None:
+    """Give each field of a frozen record its declared type, whatever the caller passed.
+
+    Then equal records are equal in every bit: 1 and 1.0 for a float, a list and a tuple, numpy's
+    numbers and Python's. Call it first in ``__post_init__``.
+
+    Raises:
+        ConfigError: naming the field, what it got and what is valid.
+    """
+    hints = _hints(cast(Any, type(record)))
+    for field in dataclasses.fields(record):
+        value = _convert(hints[field.name], to_plain(getattr(record, field.name)), field.name)
+        object.__setattr__(record, field.name, value)
+
+
+def is_integer(value: Any) -> bool:
+    """Say whether a value is an integer, also of numpy; True and False are none."""
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+
+
+def is_number(value: Any) -> bool:
+    """Say whether a value is a real number, also of numpy; True and False are none."""
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
 def check(ok: bool, key: str, got: Any, valid: str) -> None:
     """Raise ConfigError, naming the key, what it got and what is valid, unless ``ok``."""
     if not ok:
-        raise ConfigError(f"{key}: got {got!r}, valid: {valid}")
+        raise ConfigError(f"{key}: got {shown(got)}, valid: {valid}")
 
 
 def check_range(record: Any, key: str, low: float, high: float, unit: str = "") -> None:
     """Check that a record's field lies in [low, high]."""
     got = getattr(record, key)
-    check(low <= got <= high, key, got, f"{low} to {high} {unit}".strip())
+    check(is_number(got) and low <= got <= high, key, got, f"{low} to {high} {unit}".strip())
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:
@@ -80,18 +106,19 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         return _convert_tuple(args, value, where)
     if origin in (dict, Mapping):
         if not isinstance(value, Mapping):
-            raise ConfigError(f"{where}: expected a mapping, got {value!r}")
+            raise ConfigError(f"{where}: expected a mapping, got {shown(value)}")
         return {str(k): _convert(args[1], v, _join(where, str(k))) for k, v in value.items()}
     return _convert_scalar(hint, value, where)
 
 
 def _convert_tuple(args: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple):
-        raise ConfigError(f"{where}: expected a list, got {value!r}")
+        raise ConfigError(f"{where}: expected a list, got {shown(value)}")
     if len(args) == 2 and args[1] is Ellipsis:
         return tuple(_convert(args[0], item, f"{where}[{i}]") for i, item in enumerate(value))
     if len(value) != len(args):
-        raise ConfigError(f"{where}: expected {len(args)} values, got {len(value)} in {value!r}")
+        got = f"got {len(value)} in {shown(value)}"
+        raise ConfigError(f"{where}: expected {len(args)} values, {got}")
     pairs = zip(args, value, strict=True)
     return tuple(_convert(hint, item, f"{where}[{i}]") for i, (hint, item) in enumerate(pairs))
 
@@ -101,14 +128,24 @@ def _convert_scalar(hint: Any, value: Any, where: str) -> Any:
         names = [member.name.lower() for member in hint]
         if value in names:
             return hint[str(value).upper()]
-        raise ConfigError(f"{where}: got {value!r}, valid: {', '.join(names)}")
-    if hint is float and type(value) in (int, float):
-        if not math.isfinite(value):
-            raise ConfigError(f"{where}: expected a finite number, got {value!r}")
-        return float(value)
-    if type(value) is hint:  # not isinstance: True is no int here
+        raise ConfigError(f"{where}: got {shown(value)}, valid: {', '.join(names)}")
+    if hint is float and is_number(value):
+        number = _float(value)
+        if not math.isfinite(number):
+            raise ConfigError(f"{where}: expected a finite number, got {shown(value)}")
+        return number
+    if hint is int and is_integer(value):
+        return int(value)
+    if type(value) is hint:
         return value
-    raise ConfigError(f"{where}: expected {_TYPE_WORDS.get(hint, hint)}, got {value!r}")
+    raise ConfigError(f"{where}: expected {_TYPE_WORDS.get(hint, hint)}, got {shown(value)}")
+
+
+def _float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:  # an integer beyond the range of floats
+        return math.inf
 
 
 _TYPE_WORDS = {
@@ -130,4 +167,5 @@ def _optional(field: dataclasses.Field[Any]) -> bool:
 
 
 def _join(where: str, key: str) -> str:
-    return f"{where}.{key}" if where else key
+    short = key if len(key) <= 100 else f"{key[:100]}..."
+    return f"{where}.{short}" if where else short

@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import yaml
 
+from grasp_factory.checks.figure import Figure
 from grasp_factory.factory import Plan, Summary
+from grasp_factory.relabel import Relabelled
 from grasp_factory.replay import Replay
 from grasp_factory.summary import StoreSummary, Tally
+
+
+def relabel_text(result: Relabelled) -> str:
+    """Return one line on a new label."""
+    return (
+        f"labels/{result.name}: {result.successes} successes of"
+        f" {count(result.episodes, 'episode')} ({result.successes_before} by the store's own"
+        f" label), {count(result.changed, 'outcome')} changed"
+    )
+
+
+def figures_text(figures: Iterable[Figure]) -> str:
+    """Return measured figures as a table beside their bounds."""
+    head = ("check", "figure", "value", "bound", "samples", "")
+    rows = [
+        (f.check, f.figure, f"{f.value:.3g} {f.unit}", f.bound, f.samples,
+         "ok" if f.passes else "MISSED")
+        for f in figures
+    ]  # fmt: skip
+    return table([head, *rows], right=(2, 4))
 
 
 def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
@@ -71,23 +91,6 @@ def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
         "split": _tally_table("split", store.splits),
     }
     return "\n\n".join(["\n".join(head), *(tables[group] for group in groups)])
-
-
-def array_facts(path: Path) -> list[dict[str, Any]]:
-    """Return path, shape, dtype and units of every array of a store, as its metadata says."""
-    out = []
-    for file in sorted(path.rglob("zarr.json")):
-        about = json.loads(file.read_bytes())
-        if about["node_type"] == "array":
-            out.append(
-                {
-                    "path": str(file.parent.relative_to(path)),
-                    "shape": about["shape"],
-                    "dtype": about["data_type"],
-                    "units": about["attributes"].get("units", ""),
-                }
-            )
-    return out
 
 
 def arrays_text(facts: Iterable[Mapping[str, Any]]) -> str:

@@ -7,6 +7,7 @@ Settings come from three places, the later ones winning: a YAML file, the comman
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +16,9 @@ from typing import Any
 import yaml
 
 from grasp_factory.config import FactoryConfig
-from grasp_factory.errors import ConfigError, nearest
-from grasp_factory.records import check
+from grasp_factory.errors import ConfigError, nearest, shown
+from grasp_factory.records import check, is_integer
+from grasp_factory.yamltext import parse_yaml
 
 MAX_EPISODES = 1_000_000
 MAX_WORKERS = 512
@@ -35,8 +37,11 @@ class Request:
     out: Path = Path("grasps.zarr")
 
     def __post_init__(self) -> None:
-        check_count("n", self.n, MAX_EPISODES)
-        check_count("workers", self.workers, MAX_WORKERS)
+        for key, highest in (("n", MAX_EPISODES), ("workers", MAX_WORKERS)):
+            got = getattr(self, key)
+            ok = is_integer(got) and 1 <= got <= highest
+            check(ok, key, got, f"an integer from 1 to {highest}")
+            object.__setattr__(self, key, int(got))  # a numpy integer would not go into JSON
 
     def to_yaml(self) -> str:
         """Return the settings as YAML, ready to be a config file."""
@@ -46,10 +51,16 @@ class Request:
         )
 
 
-def check_count(key: str, got: Any, highest: int) -> None:
-    """Check that a number of things is an integer from 1 to ``highest``."""
-    ok = type(got) is int and 1 <= got <= highest
-    check(ok, key, got, f"an integer from 1 to {highest}")
+def parse_size(text: str) -> list[int]:
+    """Return width and height from a text such as 640x480.
+
+    Raises:
+        ConfigError: if it is something else.
+    """
+    match = re.fullmatch(r"([0-9]{1,6})[xX]([0-9]{1,6})", text)
+    if not match:
+        raise ConfigError(f"{shown(text)}: expected WIDTHxHEIGHT in pixels, such as 640x480")
+    return [int(side) for side in match.groups()]
 
 
 def resolve_request(
@@ -70,6 +81,8 @@ def resolve_request(
             _merge(settings, key, value)
     for text in assignments:
         _assign(settings, text)
+    if isinstance(settings["resolution"], str):
+        settings["resolution"] = parse_size(settings["resolution"])
     run = {key: settings.pop(key) for key in RUN_KEYS if key in settings}
     if "out" in run:
         ok = isinstance(run["out"], str | Path) and str(run["out"]) != ""
@@ -81,7 +94,8 @@ def resolve_request(
 def _check_key(key: str) -> None:
     valid = (*RUN_KEYS, *CONFIG_KEYS)
     if key not in valid:
-        raise ConfigError(f"unknown key {key!r}{nearest(key, valid)} (valid: {', '.join(valid)})")
+        hint = nearest(key, valid)
+        raise ConfigError(f"unknown key {shown(key)}{hint} (valid: {', '.join(valid)})")
 
 
 def _merge(settings: dict[str, Any], key: str, value: Any) -> None:
@@ -96,15 +110,14 @@ def _assign(settings: dict[str, Any], text: str) -> None:
     key, equals, value = text.partition("=")
     path = key.strip().split(".")
     if not equals or not all(path):
-        raise ConfigError(f"--set {text!r}: expected KEY=VALUE, such as motion.grip_force=30")
+        raise ConfigError(f"--set {shown(text)}: expected KEY=VALUE, such as motion.grip_force=30")
     _check_key(path[0])
-    try:
-        parsed = yaml.safe_load(value)
-    except yaml.YAMLError:
-        raise ConfigError(f"--set {text!r}: {value!r} is not a YAML value") from None
-    here: Any = settings
+    parsed = parse_yaml(value, f"--set {shown(text)}: {shown(value)}")
+    here = settings
     for depth, part in enumerate(path[:-1], 1):
-        here = here.get(part)
-        if not isinstance(here, dict):
-            raise ConfigError(f"--set {text!r}: {'.'.join(path[:depth])} has no keys")
+        inner = here.get(part)
+        if not isinstance(inner, dict):
+            raise ConfigError(f"--set {shown(text)}: {'.'.join(path[:depth])[:100]} has no keys")
+        here[part] = dict(inner)  # an alias in the file may stand for it elsewhere too
+        here = here[part]
     here[path[-1]] = parsed

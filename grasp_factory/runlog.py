@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from grasp_factory import __version__
 from grasp_factory.errors import StoreMismatchError
@@ -18,25 +19,34 @@ from grasp_factory.request import Request
 
 
 class RunLog:
-    """Appends a line to ``<store>.runs.jsonl`` when its ``with`` block ends, however it ends."""
+    """Appends a line to ``<store>.runs.jsonl`` when its ``with`` block ends, however it ends.
+
+    Unless nothing began in it: then no line is written, and no file left that was not there.
+    """
 
     def __init__(self, store: Path, request: Request) -> None:
         self.path = store.with_name(f"{store.name}.runs.jsonl")
         self._request = request
         self._made = 0
+        self._began = False
+
+    def begin(self) -> None:
+        """Say that there is work to do, of which the line shall tell."""
+        self._began = True
 
     def count(self) -> None:
         """Count an episode as made."""
         self._made += 1
 
     def __enter__(self) -> RunLog:
-        """Start the clock.
+        """Open the diary and start the clock.
 
         Raises:
             StoreMismatchError: if the diary cannot be written.
         """
+        self._is_new = not self.path.exists()
         try:
-            self.path.open("a").close()
+            self._diary = self.path.open("a", encoding="utf-8")
         except OSError as error:
             raise StoreMismatchError(f"{self.path} cannot be written: {error.strerror}") from None
         self._started, self._clock = datetime.now(UTC), time.monotonic()
@@ -49,8 +59,15 @@ class RunLog:
         trace: TracebackType | None,
     ) -> None:
         """Write the line."""
+        with self._diary:
+            if self._began:
+                self._diary.write(json.dumps(self._line(kind)) + "\n")
+            elif self._is_new:
+                self.path.unlink(missing_ok=True)
+
+    def _line(self, kind: type[BaseException] | None) -> dict[str, Any]:
         seconds = time.monotonic() - self._clock
-        line = {
+        return {
             "started": self._started.isoformat(timespec="seconds"),
             "finished": datetime.now(UTC).isoformat(timespec="seconds"),
             "ended": "done" if kind is None else kind.__name__,
@@ -67,5 +84,3 @@ class RunLog:
                 **{name: version(name) for name in ("pybullet", "numpy", "zarr")},
             },
         }
-        with self.path.open("a", encoding="utf-8") as diary:
-            diary.write(json.dumps(line) + "\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,19 @@ def summarise(dataset: Dataset) -> StoreSummary:
         bytes=size,
         bytes_per_episode=round(size / total.episodes) if total.episodes else None,
     )
+
+
+def array_facts(dataset: Dataset) -> list[dict[str, Any]]:
+    """Return path, shape, type and units of every array of a store, as its metadata says."""
+    return [
+        {
+            "path": path,
+            "shape": list(array.shape),
+            "dtype": "string" if array.dtype.kind == "T" else array.dtype.name,
+            "units": array.attrs.asdict().get("units", ""),
+        }
+        for path, array in sorted(dataset.arrays().items())
+    ]
 
 
 def size_on_disk(path: Path) -> int:

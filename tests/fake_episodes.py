@@ -44,9 +44,11 @@ def make_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
         cameras=config.cameras,
         resolution=config.resolution,
         record_hz=config.record_hz,
+        imu_hz=config.imu_rate,
         workspace=config.workspace,
         physics=config.physics,
         motion=config.motion,
+        shake=config.shake,
         label=config.label,
     )
 
@@ -61,13 +63,16 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
     spec = make_spec(config, index)
     steps = int(rng.integers(0, size["T"] + 1)) if n_steps is None else n_steps
     columns: dict[str, Any] = {}
-    streams: dict[str, Any] = {}
+    series: dict[str, dict[str, Any]] = {"streams": {}, "imu": {}}
+    lengths = {"T": steps, "U": steps * config.imu_rate // config.record_hz}
     cameras: dict[str, dict[str, Any]] = {name: {} for name in config.cameras}
     for row in schema.expand(config):
         group, name = row.path.rsplit("/", 1)
         shape = schema.shape(row, size)
-        if row.is_stream:
-            streams[name] = _random(rng, row, (steps, *shape[1:]))
+        if group in series:
+            if row.length_column:
+                shape = (lengths[str(row.dims[0])], *shape[1:])
+            series[group][name] = _random(rng, row, shape)
         elif group != "episodes":
             cameras[group.removeprefix("cameras/")][name] = _random(rng, row, shape)
         elif name not in _OWN:
@@ -87,7 +92,7 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
         outcome=Outcome(int(rng.integers(len(Outcome)))),
         columns=columns,
         cameras={name: CameraFrames(**arrays) for name, arrays in cameras.items()},
-        streams=streams,
+        **series,
     )
 
 
@@ -104,7 +109,7 @@ def make_rows(
     ]
 
 
-_OWN = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps")
+_OWN = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu")
 
 
 def _random(rng: np.random.Generator, row: schema.Field, shape: tuple[int, ...]) -> Any:

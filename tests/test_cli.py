@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import pty
+import shutil
 import signal
 import struct
 import subprocess
@@ -171,7 +172,7 @@ WRONG = [
     (["--workers", "0"], "workers: got 0, valid: an integer from 1 to"),
     (["--resolution", "640"], "'--resolution': '640': expected WIDTHxHEIGHT"),
     (["--resolution", "1x1"], "resolution: got [1, 1], valid: 16 to 4096 pixels"),
-    (["--record-hz", "7"], "record_hz: got 7, valid: a divisor of"),
+    (["--record-hz", "50"], "record_hz: got 50, valid: a divisor of"),
     (["--robot", "kuka"], "unknown robot 'kuka'; did you mean 'kuka_iiwa'? (valid: "),
     (["--policy", "topdown"], "unknown policy 'topdown'; did you mean 'top_down'? (valid: "),
     (["--policy", "uniform:much"], "'--policy': 'uniform:much': expected NAME or NAME:WEIGHT"),
@@ -185,6 +186,16 @@ WRONG = [
     (["--out", "folder"], "folder is not a grasp-factory store"),
     (["--out", "absent/ds.zarr"], "absent/ds.zarr cannot be written"),
     (["--out", ""], "out: got '', valid: a path"),
+    (["--out", "/"], "/ is the root directory, no store; choose another path"),
+    (["--out", "loop"], "loop cannot be used: Symlink loop from"),
+    (["--out", "loop/x.zarr"], "loop/x.zarr cannot be used: Symlink loop from"),
+    (["--out", "b/" * 3000], "cannot be used: File name too long; choose another path"),
+    (["--set", r'out="a\0b"'], r"a\x00b cannot be used: embedded null byte"),
+    (["--out", "locked.zarr"], ".locked.zarr.grasp-factory.lock is in the way: it is no lock of"),
+    (["--out", "noted.zarr"], "noted.zarr.runs.jsonl cannot be written: Is a directory"),
+    (["--set", "seed=2001-99-99"], "--set 'seed=2001-99-99': '2001-99-99' is not valid YAML: "),
+    (["--set", "seed=!!int foo"], "'!!int foo' is not valid YAML: invalid literal for int()"),
+    (["--config", "twice.yaml"], "line 2: key 'seed' is there twice; keep one of them"),
     (["--bogus"], "No such option"),
     (["extra"], "unexpected extra argument"),
 ]
@@ -198,12 +209,17 @@ def test_a_mistake_is_one_line_and_exit_2_and_nothing_is_written(
     Path("folder").mkdir()
     Path("folder/file.txt").write_text("mine")
     Path("typo.yaml").write_text("wokers: 3")
-    before = tree(tmp_path)
+    Path("twice.yaml").write_text("seed: 3\nseed: 4")
+    Path("loop").symlink_to("loop")
+    Path(".locked.zarr.grasp-factory.lock").write_text("mine")
+    Path("noted.zarr.runs.jsonl").mkdir()
+    before, names = tree(tmp_path), sorted(tmp_path.rglob("*"))
     result = run("generate", "--n", "1", "--workers", "1", *args)
     assert result.code == 2
     assert text in one_line(result.err)
+    assert len(result.err) < 1200
     assert result.out == ""
-    assert tree(tmp_path) == before
+    assert (tree(tmp_path), sorted(tmp_path.rglob("*"))) == (before, names)
 
 
 def test_a_store_of_another_config_is_refused(run: Run, store: Path) -> None:
@@ -305,6 +321,50 @@ def test_a_table_is_listed_with_its_descriptions(run: Run, command: str, table: 
         assert name in text
         assert row.description in text
         assert facts[name] == row.description
+
+
+def test_an_unknown_command_is_answered_with_the_nearest_and_all(run: Run) -> None:
+    result = run("genrate")
+    assert result.code == 2
+    text = one_line(result.err)
+    assert "unknown command 'genrate'; did you mean 'generate'? (valid: " in text
+    assert all(command in text for command in cli.cli.commands)
+
+
+def test_info_lists_the_arrays_of_the_schema_and_labels_and_nothing_strange(
+    run: Run, store: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy.zarr"
+    shutil.copytree(store, copy)
+    (copy / "extra").mkdir()
+    (copy / "extra/zarr.json").write_text("broken")
+    assert run("relabel", copy, "--name", "strict", "--min-lift", 0.12).code == 0
+    before = json.loads(run("info", store, "--json").out)["arrays"]
+    after = json.loads(run("info", copy, "--json").out)["arrays"]
+    more = [row["path"] for row in after if row not in before]
+    assert more == ["labels/strict/outcome", "labels/strict/success"]
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_failure(store: Path, closed: str) -> None:
+    command = f"'{sys.executable}' -m grasp_factory info '{store}' {closed}"
+    done = subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert (done.stdout == "") is (" >" in f" {closed}")
+
+
+def test_a_path_that_is_no_text_is_printed_with_escapes(store: Path, tmp_path: Path) -> None:
+    path = os.fsencode(tmp_path) + b"/n\xff.zarr"
+    os.symlink(store, path)
+    done = subprocess.run(
+        [*COMMAND, "info", path], capture_output=True, text=True, cwd=ROOT, check=False,
+        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert r"n\udcff.zarr: 4 episodes" in done.stdout
 
 
 def test_the_version_is_the_packages(run: Run) -> None:
@@ -436,6 +496,25 @@ class TestALongRun:
         assert last.endswith(
             "episodes are in " + str(out) + "; run the same command again to go on."
         )
+        self.check_that_it_goes_on(out)
+
+    def test_stops_at_sigterm_like_at_ctrl_c_with_its_own_exit_code(
+        self, out: Path, process: subprocess.Popen[str]
+    ) -> None:
+        self.wait_for_episodes(out, process)
+        process.terminate()
+        process.terminate()  # `timeout` sends it twice
+        stdout, stderr = process.communicate(timeout=30)
+        assert process.returncode == 143
+        assert stdout == ""
+        assert stderr.splitlines()[-1].startswith("Stopped: ")
+        assert stderr.count("\n") == 2
+        line = json.loads(out.with_name("ds.zarr.runs.jsonl").read_text())
+        assert line["ended"] == "Terminated"
+        assert sorted(path.name for path in out.parent.iterdir()) == [
+            "ds.zarr",
+            "ds.zarr.runs.jsonl",
+        ]
         self.check_that_it_goes_on(out)
 
     def test_ends_with_one_line_when_a_worker_is_killed(

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from fake_episodes import make_spec, small_config
 
-from grasp_factory.config import FactoryConfig, first_difference, read_yaml
+from grasp_factory.config import FactoryConfig, first_difference
 from grasp_factory.episode import EpisodeSpec
 from grasp_factory.errors import ConfigError
 from grasp_factory.request import MAX_EPISODES, MAX_WORKERS, Request, resolve_request
+from grasp_factory.sections import PHYSICS_PRESETS, MotionConfig
+from grasp_factory.yamltext import parse_yaml, read_yaml
 
 EVERYTHING_ELSE = {
     "seed": 2**63 - 1,
@@ -85,7 +90,7 @@ WRONG: list[tuple[Any, str]] = [
     ({"cameras": {"c": {"eye": [0, 0, 1], "target": [0, 0, 0]}}}, "cameras.c.up: got"),
     ({"motion": {"grip_force": float("nan")}}, "motion.grip_force: expected a finite number"),
     ({"motion": {"hold_s": 99}}, "motion.hold_s: got 99.0, valid: 0.1 to 3.0 s"),
-    ({"record_hz": 7}, "record_hz: got 7, valid: a divisor of physics.free_hz (240)"),
+    ({"record_hz": 50}, "record_hz: got 50, valid: a divisor of physics.free_hz (240)"),
     ({"label": {"min_lift": 0.3}}, "label.min_lift: got 0.3, valid: less than motion.lift_height"),
 ]
 
@@ -167,6 +172,12 @@ def test_a_request_survives_its_own_yaml() -> None:
     assert resolve_request(yaml.safe_load(request.to_yaml()), {}) == request
 
 
+def test_a_preset_of_the_physics_changes_what_it_names_and_no_more() -> None:
+    request = resolve_request({}, {"physics": PHYSICS_PRESETS["fast"]})
+    usual = FactoryConfig().physics
+    assert request.config.physics == dataclasses.replace(usual, contact_hz=240)
+
+
 REQUESTS = [
     ({"n": 0}, [], f"n: got 0, valid: an integer from 1 to {MAX_EPISODES}"),
     ({"n": True}, [], "n: got True, valid: an integer"),
@@ -179,7 +190,7 @@ REQUESTS = [
     ({"physics": 3}, [], "physics: expected a mapping of keys, got 3"),
     ({}, ["seed"], "--set 'seed': expected KEY=VALUE"),
     ({}, [".seed=1"], "--set '.seed=1': expected KEY=VALUE"),
-    ({}, ["seed=["], "--set 'seed=[': '[' is not a YAML value"),
+    ({}, ["seed=["], "--set 'seed=[': '[' is not valid YAML: line 1: "),
     ({}, ["seed.x=1"], "--set 'seed.x=1': seed has no keys"),
     ({}, ["cameras.top.eye=1"], "--set 'cameras.top.eye=1': cameras.top has no keys"),
     ({}, ["sed=1"], "unknown key 'sed'; did you mean 'seed'?"),
@@ -194,6 +205,187 @@ def test_what_is_wrong_in_a_request_is_said_exactly(
     with pytest.raises(ConfigError) as caught:
         resolve_request(file, {}, assignments)
     assert str(caught.value).startswith(text)
+
+
+HOSTILE = [
+    "2001-99-99",
+    "!!int foo",
+    "!!int ''",
+    "!!float foo",
+    "!!bool foo",
+    "!!timestamp foo",
+    "!!binary x",
+    "!!python/name:os.getcwd",
+    "9" * 5000,
+    "[" * 5000,
+    "[" * 60 + "]" * 60,
+    "&a [*a]",
+    "{a: 1, a: 2}",
+    "'\0'",
+    "\0",
+]
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=lambda text: text[:20])
+def test_whatever_stands_where_yaml_should_is_an_error_of_one_short_line(
+    tmp_path: Path, text: str
+) -> None:
+    file = tmp_path / "c.yaml"
+    file.write_text(f"seed: {text}\n")
+    reads: list[Callable[[], Any]] = [
+        lambda: FactoryConfig.from_plain(read_yaml(file)),
+        lambda: resolve_request({}, {}, [f"seed={text}"]),
+    ]
+    for read in reads:
+        with pytest.raises(ConfigError) as caught:
+            read()
+        assert "\n" not in str(caught.value)
+        assert len(str(caught.value)) < 600
+
+
+def test_an_anchor_bomb_is_refused_at_once() -> None:
+    rows = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    rows += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 12)]
+    with pytest.raises(ConfigError, match="more than 20000 values, counting what its aliases"):
+        parse_yaml("\n".join(rows), "this")
+
+
+def test_depth_counts_through_aliases() -> None:
+    rows = ["a0: &a0 [1]"]
+    rows += [f"a{i}: &a{i} {'[' * 30}*a{i - 1}{']' * 30}" for i in range(1, 4)]
+    with pytest.raises(ConfigError, match="nested more than 40 levels deep"):
+        parse_yaml("\n".join(rows), "this")
+
+
+def test_merge_keys_and_aliases_of_common_size_are_read() -> None:
+    text = "a: &a {x: 1, y: 2}\nb:\n  <<: *a\n  y: 3\nc: *a\n"
+    assert parse_yaml(text, "this") == {
+        "a": {"x": 1, "y": 2}, "b": {"x": 1, "y": 3}, "c": {"x": 1, "y": 2}
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("1e-3", 1e-3), ("2E4", 2e4), (".5e1", 5.0), ("-1.e+2", -100.0)]
+)
+def test_numbers_with_an_exponent_are_numbers(text: str, number: float) -> None:
+    assert parse_yaml(text, "this") == number
+    assert isinstance(parse_yaml(text, "this"), float)
+    assert parse_yaml(f"'{text}'", "this") == text
+
+
+def test_a_key_that_is_there_twice_is_named_with_its_line() -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_yaml("seed: 1\nn: 2\nseed: 3\n", "this")
+    assert str(caught.value) == (
+        "this is not valid YAML: line 3: key 'seed' is there twice; keep one of them"
+    )
+
+
+HUGE = "x" * 600_000
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"seed": HUGE},
+        {HUGE: 1},
+        {"policies": {HUGE: "x"}},
+        {"policies": [HUGE] * 100},
+        {"seed": 10**5000},
+        {"motion": {"grip_force": 10**400}},
+        {"motion": {"grip_force": -(10**5000)}},
+        {"resolution": [10**5000, 480]},
+        {"cameras": {HUGE: {}}},
+        {"policies": {HUGE: 0}},
+        [[HUGE] * 100] * 100,
+    ],
+    ids=range(11),
+)
+def test_an_error_stays_short_whatever_the_value(data: Any) -> None:
+    with pytest.raises(ConfigError) as caught:
+        FactoryConfig.from_plain(data)
+    assert len(str(caught.value)) < 1500
+
+
+def test_an_assignment_changes_one_of_two_settings_that_share_an_alias() -> None:
+    file = parse_yaml("cameras: {a: &c {eye: [1, 0, 1], target: [0, 0, 0]}, b: *c}", "this")
+    config = resolve_request(file, {}, ["cameras.a.fov_y_deg=33"]).config
+    assert (config.cameras["a"].fov_y_deg, config.cameras["b"].fov_y_deg) == (33.0, 45.0)
+    assert "fov_y_deg" not in file["cameras"]["a"]
+
+
+def test_a_resolution_may_be_written_as_on_the_command_line() -> None:
+    assert resolve_request({"resolution": "64x48"}, {}).config.resolution == (64, 48)
+    with pytest.raises(ConfigError, match="'64 by 48': expected WIDTHxHEIGHT"):
+        resolve_request({"resolution": "64 by 48"}, {})
+
+
+EQUAL: list[tuple[dict[str, Any], dict[str, Any]]] = [
+    ({"policies": {"uniform": 1}}, {"policies": {"uniform": 1.0}}),
+    ({"resolution": [64, 48]}, {"resolution": (64, 48)}),
+    ({"seed": np.int64(3)}, {"seed": 3}),
+    ({"object_sets": {"blobs": np.float32(0.5)}}, {"object_sets": {"blobs": 0.5}}),
+    ({"motion": MotionConfig(grip_force=30)}, {"motion": MotionConfig(grip_force=30.0)}),
+    ({"motion": {"grip_force": 30}}, {"motion": MotionConfig(grip_force=30.0)}),
+    (
+        {"policy_parameters": {"uniform": {"x": 1, "y": (2.0, np.int8(3))}}},
+        {"policy_parameters": {"uniform": {"x": 1.0, "y": [2, 3]}}},
+    ),
+]
+
+
+@pytest.mark.parametrize(("a", "b"), EQUAL, ids=range(len(EQUAL)))
+def test_equal_configs_have_one_hash_however_they_were_built(
+    a: dict[str, Any], b: dict[str, Any]
+) -> None:
+    one, other = FactoryConfig(**a), FactoryConfig(**b)
+    assert one == other
+    assert one.sha256() == other.sha256()
+    assert FactoryConfig.from_plain(json.loads(json.dumps(one.to_plain()))) == other
+    assert one.sha256() == FactoryConfig.from_plain(one.to_plain()).sha256()
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"seed": 1.5}, "seed: expected an integer, got 1.5"),
+        ({"seed": True}, "seed: expected an integer, got True"),
+        ({"seed": np.True_}, "seed: expected an integer, got "),
+        ({"seed": "3"}, "seed: expected an integer, got '3'"),
+        ({"policies": {"a": math.inf}}, "policies.a: expected a finite number, got inf"),
+        ({"policies": {"a": 1e308, "b": 1e308}}, "policies: got {'a': 1e+308, 'b': 1e+308}, valid: "
+                                                 "weights whose sum is a finite number"),
+        ({"resolution": 640}, "resolution: expected a list, got 640"),
+        ({"motion": 3}, "motion: expected a mapping of keys, got 3"),
+        ({"record_hz": None}, "record_hz: expected an integer, got None"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_config_built_in_python_is_checked_like_one_from_a_file(
+    change: dict[str, Any], text: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        FactoryConfig(**change)
+    assert str(caught.value).startswith(text)
+
+
+def test_parameters_within_themselves_are_refused() -> None:
+    loop: dict[str, Any] = {}
+    loop["uniform"] = loop
+    with pytest.raises(ConfigError, match="nested too deeply"):
+        FactoryConfig(policy_parameters=loop)
+
+
+def test_a_config_does_not_follow_what_it_was_built_from() -> None:
+    weights = {"uniform": 1.0}
+    config = FactoryConfig(policies=weights)
+    weights["uniform"] = 2.0
+    assert config.policies == {"uniform": 1.0}
+
+
+def test_a_request_takes_numpys_integers() -> None:
+    request = Request(config=FactoryConfig(), n=np.int64(2), workers=np.int8(1))  # type: ignore[arg-type]
+    assert (type(request.n), type(request.workers)) == (int, int)
 
 
 def test_the_default_request_is_valid() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 import shutil
 from collections.abc import Mapping
@@ -89,13 +90,8 @@ def test_any_episode_comes_back_bit_for_bit(
     path = tmp_path_factory.mktemp("any") / "store"
     prepare_store(path, config, JOINTS, 1, {})
     want = make_episode(config, 0, n_steps)
-    want = Episode(
-        spec=want.spec,
-        outcome=want.outcome,
-        columns=dict(want.columns) | {"grasp_score": score, "object_id": word},
-        cameras=want.cameras,
-        streams=want.streams,
-    )
+    columns = dict(want.columns) | {"grasp_score": score, "object_id": word}
+    want = dataclasses.replace(want, columns=columns)
     ZarrWriter(path).write_block(0, [want])
     dataset = Dataset.open(path)
     assert_identical(dataset[0].contents(), want.contents())
@@ -107,9 +103,8 @@ def test_python_and_numpy_numbers_in_columns_are_the_same_episode() -> None:
     columns = {name: np.asarray(value)[()] for name, value in episode.columns.items()}
     columns |= {"object_mass": 1, "collision_body": np.int64(2)}
     same = dict(episode.columns) | {"object_mass": 1.0, "collision_body": 2}
-    parts = {"spec": episode.spec, "outcome": episode.outcome, "cameras": episode.cameras}
-    a = Episode(**parts, columns=columns, streams=episode.streams)
-    b = Episode(**parts, columns=same, streams=episode.streams)
+    a = dataclasses.replace(episode, columns=columns)
+    b = dataclasses.replace(episode, columns=same)
     assert a.checksum() == b.checksum()
 
 
@@ -137,6 +132,17 @@ def test_an_index_out_of_range_names_the_range(dataset: Dataset, index: int) -> 
         with pytest.raises(IndexError) as caught:
             read(index)
         assert str(caught.value) == f"episode {index}: valid: -13 to 12"
+
+
+@pytest.mark.parametrize("index", ["a", slice(0, 2), 1.0, True, np.True_, None, [0]], ids=str)
+def test_an_index_that_is_no_integer_says_what_to_use(dataset: Dataset, index: Any) -> None:
+    for read in (dataset.__getitem__, dataset.spec, dataset.verify, dataset.series):
+        with pytest.raises(TypeError) as caught:
+            read(index)
+        assert str(caught.value).startswith("episode index: got ")
+        assert str(caught.value).endswith(
+            "valid: one integer, as in ds[3]; for several: where() and iter_blocks()"
+        )
 
 
 def test_a_store_of_no_episodes_has_no_index(tmp_path: Path) -> None:

@@ -121,6 +121,26 @@ def test_a_worker_that_exits_is_an_error_that_names_block_and_exit_code() -> Non
         ProcessExecutor(1).run(blocks.exit_early, [4], ignore)
 
 
+UNGUARDED = """
+import fake_blocks
+from grasp_factory.executors import ProcessExecutor
+ProcessExecutor(2).run(fake_blocks.square, [0, 1], print)
+"""
+
+
+def test_a_script_without_its_main_guard_is_told_of_it(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": f"{ROOT}:{TESTS}"},
+    )  # fmt: skip
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert "(exit code 1) before it began: " in last
+    assert 'under `if __name__ == "__main__":`' in last
+
+
 def test_a_killed_worker_is_an_error_that_names_block_and_signal() -> None:
     seen: list[int] = []
     with pytest.raises(WorkerError, match=r"block 2 \(SIGKILL\)"):

@@ -233,6 +233,26 @@ def test_a_diary_that_cannot_be_written_is_found_before_the_first_episode(out: P
     with pytest.raises(UsageError, match=r"ds\.zarr\.runs\.jsonl cannot be written"):
         generate(CONFIG, 3, out, workers=1, on_episode=made.append)
     assert made == []
+    assert [path.name for path in out.parent.iterdir()] == ["ds.zarr.runs.jsonl"]
+
+
+def test_a_run_that_was_refused_leaves_no_diary(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise StoreError("the disk is full")
+
+    monkeypatch.setattr(factory, "prepare_store", full)
+    with pytest.raises(StoreError, match="the disk is full"):
+        generate(CONFIG, 3, out, workers=1)
+    assert list(out.parent.iterdir()) == []
+
+
+def test_a_store_is_gone_on_with_by_its_own_config_however_that_was_built(out: Path) -> None:
+    built = dataclasses.replace(CONFIG, policies={"uniform": 1}, seed=np.int64(3))  # type: ignore[arg-type]
+    generate(built, np.int64(2), out, workers=1)  # type: ignore[arg-type]
+    summary = generate(Dataset.open(out).config, 3, out, workers=1)
+    assert summary.store.committed == 3
+    read = FactoryConfig.from_plain(json.loads(json.dumps(built.to_plain())))
+    assert generate(read, 3, out, workers=1).made == 0
 
 
 def test_the_diary_beside_the_store_has_a_line_per_run(out: Path) -> None:

@@ -90,6 +90,75 @@ def test_an_empty_directory_becomes_a_store(tmp_path: Path) -> None:
     assert len(Dataset.open(tmp_path / "out")) == 5
 
 
+def test_an_empty_directory_stays_the_one_it_was(tmp_path: Path) -> None:
+    prepare_store(tmp_path / "want", CONFIG, JOINTS, 5, {})
+    (tmp_path / "out").mkdir(mode=0o750)
+    before = (tmp_path / "out").stat()
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
+    after = (tmp_path / "out").stat()
+    assert (after.st_ino, after.st_mode) == (before.st_ino, before.st_mode)
+    assert_same_tree(tmp_path / "out", tmp_path / "want")
+    assert not list(tmp_path.rglob("*.creating"))
+
+
+def crash_at_move(moves: int, into: Path) -> Any:
+    """Return ``os.replace``, which raises at a move into a directory after so many of them."""
+    replace = os.replace
+    crash = crash_after(moves, replace)
+
+    def wrapped(source: Any, target: Any) -> None:
+        (crash if Path(target).parent == into else replace)(source, target)
+
+    return wrapped
+
+
+MOVES = 5  # cameras, episodes, imu, streams, zarr.json
+
+
+@pytest.mark.parametrize("calls", range(MOVES))
+def test_a_creation_in_an_empty_directory_that_fails_leaves_it_empty(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
+) -> None:
+    (tmp_path / "out").mkdir()
+    with monkeypatch.context() as patch, pytest.raises(Crash):
+        patch.setattr(os, "replace", crash_at_move(calls, tmp_path / "out"))
+        prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("calls", range(MOVES))
+def test_a_creation_in_an_empty_directory_that_is_killed_is_begun_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
+) -> None:
+    prepare_store(tmp_path / "want", CONFIG, JOINTS, 5, {})
+    (tmp_path / "out").mkdir()
+    with monkeypatch.context() as patch, pytest.raises(Crash):
+        patch.setattr(os, "replace", crash_at_move(calls, tmp_path / "out"))
+        patch.setattr(store, "_remove_leftovers", lambda place: None)  # nobody is there to do it
+        prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
+    assert not (tmp_path / "out/zarr.json").exists()
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
+    assert_same_tree(tmp_path / "out", tmp_path / "want")
+    assert not list(tmp_path.rglob("*.creating"))
+
+
+def test_what_someone_put_beside_a_creation_that_was_killed_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "out/.creating").mkdir(parents=True)
+    (tmp_path / "out/thesis.tex").touch()
+    with pytest.raises(StoreMismatchError, match=r"out is in the way: it holds thesis\.tex"):
+        prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
+    assert (tmp_path / "out/thesis.tex").exists()
+
+
+def test_a_creation_that_fails_leaves_nothing_aside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store, "create_array", crash_after(3, store.create_array))
+    with pytest.raises(Crash):
+        prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_link_leads_to_the_store_and_stays_a_link(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "real")
     prepare_store(tmp_path / "link", CONFIG, JOINTS, 5, {})
@@ -266,6 +335,32 @@ def test_damaged_metadata_is_an_error_of_one_line(tmp_path: Path) -> None:
     assert str(caught.value) == f"{tmp_path / 'out'} is damaged: zarr.json: {what}"
 
 
+@pytest.mark.parametrize("key", ["config", "config_sha256", "versions", "platform"])
+def test_an_attribute_that_is_lost_is_named(tmp_path: Path, key: str) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
+    file = tmp_path / "out/zarr.json"
+    metadata = json.loads(file.read_text())
+    del metadata["attributes"][key]
+    file.write_text(json.dumps(metadata))
+    with pytest.raises(StoreError) as caught:
+        Dataset.open(tmp_path / "out")
+    what = f"attribute {key} is missing or broken"
+    assert str(caught.value) == f"{tmp_path / 'out'} is damaged: zarr.json: {what}"
+
+
+def test_a_damaged_commit_marker_is_an_error_of_one_line(tmp_path: Path) -> None:
+    fill(tmp_path / "out", 5)
+    out = tmp_path / "out"
+    (out / "episodes/status/0").write_bytes(b"\0")
+    for read in (lambda: pending_blocks(out, 5), lambda: Dataset.open(out).committed):
+        with pytest.raises(StoreError) as caught:
+            read()
+        assert str(caught.value).startswith(
+            f"{tmp_path / 'out'}: episodes/status of episodes 0 to 4 cannot be read: "
+        )
+        assert "\n" not in str(caught.value)
+
+
 def test_a_lost_array_is_named(tmp_path: Path) -> None:
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
     (tmp_path / "out/streams/phase/zarr.json").unlink()
@@ -362,14 +457,15 @@ def test_a_second_process_is_told_who_holds_the_store(tmp_path: Path, holder: An
 def test_a_killed_holder_leaves_the_store_free(tmp_path: Path, holder: Any) -> None:
     holder.send_signal(signal.SIGKILL)
     holder.wait()
-    assert (tmp_path / "out.lock").exists()
+    file = tmp_path / ".out.grasp-factory.lock"
+    assert file.exists()
     with StoreLock(tmp_path / "out"):
-        assert (tmp_path / "out.lock").read_text() == f"{socket.gethostname()} {os.getpid()}\n"
+        assert file.read_text() == f"{socket.gethostname()} {os.getpid()}\n"
 
 
 def test_the_lock_file_goes_with_the_lock_even_after_an_error(tmp_path: Path) -> None:
     with pytest.raises(Crash), StoreLock(tmp_path / "out"):
-        assert [path.name for path in tmp_path.iterdir()] == ["out.lock"]
+        assert [path.name for path in tmp_path.iterdir()] == [".out.grasp-factory.lock"]
         raise Crash
     assert list(tmp_path.iterdir()) == []
 
@@ -396,3 +492,96 @@ def test_whoever_gets_a_lock_file_that_was_just_removed_tries_again(
 def test_the_lock_is_not_taken_twice_in_one_process(tmp_path: Path) -> None:
     with StoreLock(tmp_path / "out"), pytest.raises(StoreBusyError), StoreLock(tmp_path / "out"):
         pass
+
+
+def put_text(file: Path) -> None:
+    file.write_text("my notes\non two lines\n")
+
+
+def put_long_text(file: Path) -> None:
+    file.write_text("host " + "1" * 1000 + "\n")
+
+
+def put_pipe(file: Path) -> None:
+    os.mkfifo(file)
+
+
+def put_folder(file: Path) -> None:
+    file.mkdir()
+
+
+def put_link(file: Path) -> None:
+    (file.parent / "notes.txt").touch()
+    file.symlink_to("notes.txt")
+
+
+@pytest.mark.parametrize(
+    "put", [put_text, put_long_text, put_pipe, put_folder, put_link], ids=lambda put: put.__name__
+)
+def test_a_foreign_file_of_the_locks_name_is_refused_and_left_alone(
+    tmp_path: Path, put: Any
+) -> None:
+    file = tmp_path / ".out.grasp-factory.lock"
+    put(file)
+    before = file.lstat(), sorted(tmp_path.iterdir())
+    with pytest.raises(StoreMismatchError) as caught, StoreLock(tmp_path / "out"):
+        pass
+    assert str(caught.value).startswith(f"{file} is in the way: it is no lock of grasp-factory; ")
+    assert (file.lstat(), sorted(tmp_path.iterdir())) == before
+
+
+def test_a_file_that_is_called_like_the_store_with_lock_is_not_touched(tmp_path: Path) -> None:
+    mine = tmp_path / "out.lock"
+    mine.write_text("mine")
+    with StoreLock(tmp_path / "out"):
+        assert mine.read_text() == "mine"
+    assert mine.read_text() == "mine"
+
+
+def test_a_lock_file_that_someone_replaced_is_not_removed(tmp_path: Path) -> None:
+    with StoreLock(tmp_path / "out") as lock:
+        lock.file.unlink()
+        lock.file.write_text("mine")
+    assert lock.file.read_text() == "mine"
+
+
+def circle(folder: Path) -> Path:
+    (folder / "loop").symlink_to("loop")
+    return folder / "loop"
+
+
+NOWHERE: dict[str, Any] = {
+    "a circle of links": circle,
+    "a path through a circle of links": lambda folder: circle(folder) / "x.zarr",
+    "a name that is too long": lambda folder: folder / ("x" * 300),
+    "a path that is too long": lambda folder: folder / ("b/" * 3000),
+    "a null byte": lambda folder: folder / "a\0b",
+    "the root": lambda folder: Path("/"),
+}
+
+
+@pytest.mark.parametrize("what", NOWHERE)
+@pytest.mark.parametrize("use", [prepare, take, Dataset.open], ids=["prepare", "lock", "open"])
+def test_a_path_that_leads_nowhere_is_refused_in_one_line(
+    tmp_path: Path, what: str, use: Any
+) -> None:
+    path = NOWHERE[what](tmp_path)
+    with pytest.raises(StoreMismatchError) as caught:
+        use(path)
+    assert str(caught.value).startswith(str(path))
+    assert str(caught.value).endswith("; choose another path")
+
+
+@pytest.mark.parametrize("use", [prepare, take, Dataset.open], ids=["prepare", "lock", "open"])
+def test_a_directory_that_may_not_be_entered_is_named(
+    tmp_path: Path, use: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def forbid(*_: Any, **__: Any) -> Any:
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as patch, pytest.raises(StoreMismatchError) as caught:
+        patch.setattr(os, "stat", forbid)
+        use(tmp_path / "out")
+    assert str(caught.value) == (
+        f"{tmp_path / 'out'} cannot be used: Permission denied; choose another path"
+    )

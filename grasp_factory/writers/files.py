@@ -1,4 +1,4 @@
-"""Files on a disk: making them survive a power cut, and saying why one cannot be made."""
+"""Files on a disk: where a path leads, surviving a power cut, saying why one cannot be made."""
 
 from __future__ import annotations
 
@@ -7,6 +7,26 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from grasp_factory.errors import StoreMismatchError
+
+
+def locate(path: Path) -> Path:
+    """Return the absolute path of a store, links followed, whether there is anything or not.
+
+    Raises:
+        StoreMismatchError: if the path cannot lead anywhere: a circle of links, a name that is too
+            long, a directory that may not be entered, the root.
+    """
+    try:
+        target = path.resolve()
+        os.stat(target)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, RuntimeError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise StoreMismatchError(f"{path} cannot be used: {why}; choose another path") from None
+    if not target.name:
+        raise StoreMismatchError(f"{path} is the root directory, no store; choose another path")
+    return target
 
 
 def fsync(paths: Iterable[Path]) -> None:

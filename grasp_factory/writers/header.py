@@ -9,14 +9,19 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import zarr
+from numpy.typing import NDArray
 
 from grasp_factory import __version__
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError
 from grasp_factory.schema import FORMAT, FORMAT_VERSION
+from grasp_factory.writers.files import locate
 
 LICENSE = "MIT"
+_NEEDED = {"config": dict, "config_sha256": str, "versions": dict, "platform": dict}
+"""Attributes that every reader counts on, with their JSON types."""
 CONVENTIONS = {
     "units": "SI: metres, kilograms, seconds, newtons, radians; each array has its own attribute",
     "quaternion": "xyzw, scalar last, unit",
@@ -59,6 +64,7 @@ def read_attributes(path: Path) -> dict[str, Any]:
         StoreMismatchError: if there is nothing, something else, or a newer version.
         StoreError: if the store's metadata is damaged.
     """
+    locate(path)
     if not path.exists():
         raise StoreMismatchError(f"there is no store at {path}")
     if not path.is_dir():
@@ -83,6 +89,9 @@ def read_attributes(path: Path) -> dict[str, Any]:
             f"{path} has format version {attributes['format_version']}, this version of"
             f" grasp-factory reads up to {FORMAT_VERSION}: install a newer one"
         )
+    for key, kind in _NEEDED.items():
+        if not isinstance(attributes.get(key), kind):
+            raise StoreError(f"{path} is damaged: zarr.json: attribute {key} is missing or broken")
     return dict(attributes)
 
 
@@ -116,8 +125,28 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     return array
 
 
-def _where(root: zarr.Group) -> str:
-    return str(root.store).removeprefix("file://")
+def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:
+    """Return values of an array of a store.
+
+    Raises:
+        StoreError: if they are damaged.
+    """
+    try:
+        return np.asarray(array[selection])
+    except Exception as error:  # decoders of damaged bytes raise whatever they like
+        what = f"{array.path}{_span(selection)} cannot be read: {_line(error)}"
+        raise StoreError(f"{_where(array)}: {what}") from None
+
+
+def _span(selection: tuple[int | slice, ...]) -> str:
+    first = selection[0] if selection else None
+    if not isinstance(first, slice) or first.start is None:
+        return ""
+    return f" of episodes {first.start} to {first.stop - 1}"
+
+
+def _where(node: zarr.Group | zarr.Array[Any]) -> str:
+    return str(node.store).removeprefix("file://")
 
 
 def _line(error: Exception) -> str:

@@ -27,7 +27,15 @@ _KEYS = {"name": "v2", "separator": "."}
 # a NaN or a -0.0 of the episode could come back with other bits than went in.
 RUNTIME: Any = {"write_empty_chunks": True}
 
-_DIMENSIONS = {"T": "step", "J": "joint", "M": "object", "P": "contact", "H": "row", "W": "column"}
+_DIMENSIONS = {
+    "T": "step",
+    "J": "joint",
+    "M": "object",
+    "P": "contact",
+    "U": "imu_step",
+    "H": "row",
+    "W": "column",
+}
 
 
 def shape(row: schema.Field, config: FactoryConfig, joints: int, n: int) -> tuple[int, ...]:
@@ -43,7 +51,7 @@ def create_array(
     block = (config.block_size, *whole[1:])
     if row.is_image:
         chunks, shards = (1, 1, *whole[2:]), block
-    elif row.is_stream:
+    elif row.length_column:
         chunks, shards = (1, *whole[1:]), block
     else:
         chunks, shards = block, None

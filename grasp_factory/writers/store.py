@@ -5,6 +5,7 @@ Only one process may do this at a time (see ``lock``), and none while blocks are
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 from collections.abc import Mapping
@@ -17,11 +18,34 @@ import zarr
 from grasp_factory import schema
 from grasp_factory.config import FactoryConfig, first_difference
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.writers.files import cannot_write, fsync, fsync_tree
-from grasp_factory.writers.header import open_array, open_store, read_attributes, root_attributes
+from grasp_factory.writers.files import cannot_write, fsync, fsync_tree, locate
+from grasp_factory.writers.header import (
+    open_array,
+    open_store,
+    read_array,
+    read_attributes,
+    root_attributes,
+)
 from grasp_factory.writers.layout import create_array, shape
 
 _OTHER = "choose another --out"
+_ASIDE = ".creating"
+
+
+def check_place(path: Path, config: FactoryConfig) -> Path:
+    """Check that ``path`` holds a store of this config, or nothing; return where it leads.
+
+    Raises:
+        StoreMismatchError: if it holds anything else, or cannot lead to a store.
+        StoreError: if the store there is damaged, or cannot be read.
+    """
+    target = locate(path)
+    try:
+        if not _is_free(target):
+            _check_same(path, config)
+    except OSError as error:
+        raise StoreError(f"{path} cannot be read: {error.strerror}") from None
+    return target
 
 
 def prepare_store(
@@ -29,8 +53,9 @@ def prepare_store(
 ) -> None:
     """Make sure that ``path`` holds a store of this config with room for ``n`` episodes.
 
-    A new store is built aside and renamed; an existing one grows if it is shorter, and keeps the
-    versions and the ``extra`` attributes that it was created with.
+    A new store is built aside and renamed, in an empty directory piece by piece with the root's
+    ``zarr.json`` last. An existing store grows if it is shorter, and keeps the versions and the
+    ``extra`` attributes that it was created with.
 
     Args:
         path: where the store is, or will be.
@@ -43,9 +68,9 @@ def prepare_store(
         StoreMismatchError: if the path holds anything else, or cannot be written.
         StoreError: if the store there is damaged, or the disk fails.
     """
-    target = path.resolve()  # through a link to the store itself, which a rename would replace
+    target = locate(path)  # through a link to the store itself, which a rename would replace
     try:
-        if not target.exists() or (target.is_dir() and not any(target.iterdir())):
+        if _is_free(target):
             _create(target, config, joints, n, extra)
         else:
             _check_same(path, config)
@@ -65,27 +90,63 @@ def pending_blocks(path: Path, n: int) -> list[int]:
     """
     root, config = open_store(path, mode="r")
     status = open_array(root, schema.STATUS.path)
-    missing = np.flatnonzero(np.asarray(status[:n]) == 0)
+    missing = np.flatnonzero(read_array(status, slice(0, n)) == 0)
     return [int(block) for block in np.unique(missing // config.block_size)]
+
+
+def _is_free(target: Path) -> bool:
+    """Say whether a store may be created: nothing is there, or what a killed creation left."""
+    if not target.exists():
+        return True
+    if not target.is_dir() or (target / "zarr.json").exists():
+        return False
+    return (target / _ASIDE).is_dir() or not any(target.iterdir())
 
 
 def _create(
     target: Path, config: FactoryConfig, joints: int, n: int, extra: Mapping[str, Any]
 ) -> None:
-    aside = target.with_name(f".{target.name}.creating")
+    inside = target.exists()  # an empty directory, perhaps a mount point: it stays what it is
+    aside = target / _ASIDE if inside else target.with_name(f".{target.name}{_ASIDE}")
     if aside.exists():
-        # What a killed creation left: metadata only. Anything else there is not ours to delete.
-        others = [p for p in aside.rglob("*") if p.is_file() and not p.name.startswith("zarr.")]
-        if others:
-            raise StoreMismatchError(f"{aside} is in the way: it holds {others[0].name}; move it")
-        shutil.rmtree(aside)
+        _remove_leftovers(target if inside else aside)
     aside.mkdir()
-    root = zarr.create_group(aside, zarr_format=3, attributes=root_attributes(config, extra))
-    for row in schema.expand(config):
-        create_array(root, row, config, joints, n)
-    fsync_tree(aside)
-    os.replace(aside, target)
-    fsync([target.parent])
+    try:
+        root = zarr.create_group(aside, zarr_format=3, attributes=root_attributes(config, extra))
+        for row in schema.expand(config):
+            create_array(root, row, config, joints, n)
+        fsync_tree(aside)
+        if inside:
+            for piece in sorted(aside.iterdir(), key=lambda piece: piece.name == "zarr.json"):
+                fsync([target])  # what makes it a store comes last on the disk, too
+                os.replace(piece, target / piece.name)
+            aside.rmdir()
+            fsync([target])
+        else:
+            os.replace(aside, target)
+            fsync([target.parent])
+    except BaseException:
+        with contextlib.suppress(OSError, StoreMismatchError):  # else the next creation does it
+            if aside.exists() and not (target / "zarr.json").exists():
+                _remove_leftovers(target if inside else aside)
+        raise
+
+
+def _remove_leftovers(place: Path) -> None:
+    """Remove what a creation that did not end has left: metadata only.
+
+    ``place`` is what it made itself, which goes too, or the empty directory that it began with.
+    """
+    # Anything else there is not ours to delete.
+    files = (p for p in place.rglob("*") if p.is_symlink() or not p.is_dir())
+    others = [p for p in files if p.is_symlink() or not p.name.startswith("zarr.")]
+    if others:
+        raise StoreMismatchError(f"{place} is in the way: it holds {others[0].name}; move it")
+    if place.name.endswith(_ASIDE):
+        shutil.rmtree(place)
+        return
+    for piece in sorted(place.iterdir(), key=lambda piece: piece.name == _ASIDE):
+        shutil.rmtree(piece)  # the directory that marks a creation goes last
 
 
 def _check_same(path: Path, config: FactoryConfig) -> None:
@@ -106,6 +167,8 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     After a kill in between, some arrays are longer than ``status``. Nothing has been written
     there, so they take the length that is asked for now, be it shorter.
     """
+    with contextlib.suppress(OSError):  # the mark of a creation that was killed at its very end
+        (path / _ASIDE).rmdir()
     root, _ = open_store(path, mode="r+")
     fields = sorted(schema.expand(config), key=lambda row: row == schema.STATUS)
     arrays = {row: open_array(root, row.path) for row in fields}

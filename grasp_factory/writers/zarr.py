@@ -86,14 +86,14 @@ class ZarrWriter(Writer):
                 raise StoreError(f"{who}: {path} is missing")
             if path not in fields:
                 raise StoreError(f"{who}: {path} has no array in the store")
-        n_steps = int(contents["episodes/n_steps"])
         for path, row in fields.items():
             got, room = contents[path], self._arrays[path].shape[1:]
             kind = "string" if got.dtype.kind == "U" else got.dtype.name
-            want = (min(n_steps, room[0]), *room[1:]) if row.is_stream else room
-            if (kind, got.shape) != (row.dtype, want):
+            if row.length_column:
+                room = (min(int(contents[row.length_column]), room[0]), *room[1:])
+            if (kind, got.shape) != (row.dtype, room):
                 raise StoreError(
-                    f"{who}: {path}: got {kind} {got.shape}, valid: {row.dtype} {want}"
+                    f"{who}: {path}: got {kind} {got.shape}, valid: {row.dtype} {room}"
                 )
 
     def _clear(self, block: int) -> None:
@@ -115,7 +115,7 @@ class ZarrWriter(Writer):
         for i, value in enumerate(values):
             if row.path not in value:
                 continue
-            if row.is_stream:
+            if row.length_column:
                 whole[i, : len(value[row.path])] = value[row.path]
             else:
                 whole[i] = value[row.path]

@@ -1,0 +1,58 @@
+"""What may stand on the command line: command names, and texts that stand for values."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import click
+
+from grasp_factory.errors import ConfigError, UsageError, lookup, shown
+from grasp_factory.request import parse_size
+
+STORE = click.argument("path", type=click.Path(path_type=Path))
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts.")
+
+
+class Commands(click.Group):
+    """A group that answers an unknown command with the nearest and all valid ones."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that the first argument names.
+
+        Raises:
+            UnknownNameError: naming the nearest and all valid commands.
+        """
+        lookup(self.commands, "command", args[0])
+        return super().resolve_command(ctx, args)
+
+
+def resolution(text: str) -> list[int]:
+    """Return width and height from WxH."""
+    try:
+        return parse_size(text)
+    except ConfigError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+def weighted(text: str) -> tuple[str, float]:
+    """Return name and weight from NAME[:WEIGHT]."""
+    name, colon, weight = text.partition(":")
+    try:
+        return name, float(weight) if colon else 1.0
+    except ValueError:
+        what = f"{shown(text)}: expected NAME or NAME:WEIGHT, as in x:2"
+        raise click.BadParameter(what) from None
+
+
+def indices(text: str) -> list[int]:
+    """Return episode indices from I,J,...
+
+    Raises:
+        UsageError: if the text is something else.
+    """
+    if not re.fullmatch(r"[0-9]{1,9}(,[0-9]{1,9})*", text):
+        raise UsageError(f"--episodes {shown(text)}: expected indices with commas, such as 0,3,7")
+    return [int(word) for word in text.split(",")]

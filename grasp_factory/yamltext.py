@@ -1,0 +1,120 @@
+"""YAML as people write it into files and on command lines, read so that nothing in it can hurt."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from grasp_factory.errors import ConfigError, shown
+
+MAX_VALUES = 20_000
+"""Values in one text, each alias counted as what it stands for: a bound for anchor bombs."""
+MAX_DEPTH = 40
+_MERGE = "tag:yaml.org,2002:merge"
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML 1.1 as PyYAML reads it, and 1e-3 as the number that it is in YAML 1.2."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789"),
+)
+
+
+def parse_yaml(text: str, what: str) -> Any:
+    """Return the plain data of a YAML text; None for an empty one.
+
+    Args:
+        text: the YAML.
+        what: how an error message starts, such as ``config file x.yaml``.
+
+    Raises:
+        ConfigError: in one line, for whatever is wrong with the text.
+    """
+    try:
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _check(node)
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise ConfigError(f"{what} is not valid YAML: {line}{str(error.problem)[:200]}") from None
+    except RecursionError:
+        raise ConfigError(f"{what} is nested more than {MAX_DEPTH} levels deep") from None
+    except Exception as error:  # constructors of values such as 2001-99-99 raise what they like
+        first = "a value does not fit its type"
+        if isinstance(error, ValueError | yaml.YAMLError):
+            first = next(iter(str(error).splitlines()), first)
+        raise ConfigError(f"{what} is not valid YAML: {first[:200]}") from None
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Return the mapping that a YAML file holds.
+
+    Raises:
+        ConfigError: if the file cannot be read, is no YAML, or holds no mapping.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError, RuntimeError) as error:
+        raise ConfigError(f"config file {path} cannot be read: {error}") from None
+    data = parse_yaml(text, f"config file {path}")
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise ConfigError(f"config file {path}: expected a mapping of keys, got {shown(data)}")
+    return data
+
+
+def _check(root: yaml.Node) -> None:
+    """Refuse what is too large, too deep, within itself, or has a key twice."""
+    known: dict[int, tuple[int, int]] = {}
+
+    def measure(node: yaml.Node, above: int) -> tuple[int, int]:
+        """Return how many values a node stands for, and how many levels."""
+        if id(node) not in known:
+            _check_keys(node)
+            children = _children(node) if above < MAX_DEPTH else ()
+            inner = [measure(child, above + 1) for child in children]
+            levels = 1 + max((levels for _, levels in inner), default=0)
+            known[id(node)] = 1 + sum(values for values, _ in inner), levels
+        if above + known[id(node)][1] > MAX_DEPTH:
+            raise RecursionError
+        return known[id(node)]
+
+    if measure(root, 0)[0] > MAX_VALUES:
+        problem = f"more than {MAX_VALUES} values, counting what its aliases stand for"
+        raise yaml.MarkedYAMLError(problem=problem)
+
+
+def _children(node: yaml.Node) -> Iterator[yaml.Node]:
+    if isinstance(node, yaml.MappingNode):
+        for pair in node.value:
+            yield from pair
+    elif isinstance(node, yaml.SequenceNode):
+        yield from node.value
+
+
+def _check_keys(node: yaml.Node) -> None:
+    if not isinstance(node, yaml.MappingNode):
+        return
+    seen = set[str]()
+    for key, _ in node.value:
+        if not isinstance(key, yaml.ScalarNode) or key.tag == _MERGE:
+            continue
+        if key.value in seen:
+            problem = f"key {shown(key.value)} is there twice; keep one of them"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+        seen.add(key.value)
