@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.motion import GraspMotion, JointSegment, sample
+from grasp_factory.motion import GraspMotion, JointSegment, Trajectory, sample
 from grasp_factory.outcome import Phase
 from grasp_factory.scene import Scene
-from grasp_factory.sensors import SENSORS, Tick
+from grasp_factory.sections import CLOSING_SETTLE_S
+from grasp_factory.sensors import SENSORS, Tick, WristImu
+from grasp_factory.shaking import plan_shake
+from grasp_factory.world import Row
 
 STALLED_SPEED = 0.001
 """m/s: fingers slower than this have come to rest."""
@@ -28,10 +32,16 @@ class Attempt:
             make(scene.world, scene.robot, scene.objects, scene.label_of)
             for make in SENSORS.values()
         ]
-        self._time = 0.0
+        physics = scene.spec.physics
+        # Simulation time counts in a unit that both kinds of step are whole multiples of, so that
+        # records fall on one even grid, wherever a motion begins or ends.
+        self._clock, self._clock_hz = 0, math.lcm(physics.free_hz, physics.contact_hz)
         self._joint_targets: list[float] = list(scene.robot.model.home)
         self._width_target = scene.robot.model.gripper.max_width
-        self._contacts: tuple[tuple[Any, ...], ...] = ()
+        self._shake_level = 0.0
+        self._imu = WristImu(scene.world, scene.robot, physics.gravity)
+        self.table_penetration = 0.0
+        """Deepest overlap of the robot and the table at any record, metres."""
         self.has_closed = False
         """Whether the gripper began to close."""
         self.touched: int | None = None
@@ -44,8 +54,7 @@ class Attempt:
             motion: Transfer, approach and lift.
             width: Metres between the pads on the approach.
         """
-        settings, physics = self._scene.spec.motion, self._scene.spec.physics
-        opened = self._width_target
+        spec, opened = self._scene.spec, self._width_target
         self._follow(Phase.PREGRASP, motion.transfer, (opened, width))
         if self.touched is None:
             self._follow(Phase.APPROACH, motion.approach, (width, width))
@@ -53,10 +62,16 @@ class Attempt:
             return
         self.has_closed = True
         self._close()
-        self._scene.world.set_rate(physics.contact_hz)
-        self._follow_gripping(Phase.LIFT, motion.lift)
+        self._follow_gripping(Phase.LIFT, sample(motion.lift, *self._gripping_rates))
         if self._pads_touch_target():
-            self._wait(Phase.HOLD, settings.hold_s)
+            self._wait(Phase.HOLD, spec.motion.hold_s)
+        for level in spec.shake.levels:
+            if self._pads_touch_target():
+                self._shake(level)
+
+    def imu(self) -> dict[str, NDArray[Any]]:
+        """Return the IMU's series."""
+        return self._imu.series()
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return everything recorded."""
@@ -65,33 +80,44 @@ class Attempt:
             out |= sensor.streams()
         return out
 
+    @property
+    def _gripping_rates(self) -> tuple[int, int]:
+        """Physics and control rate, Hz, from the closing on."""
+        return self._scene.spec.physics.contact_hz, self._scene.spec.physics.control_hz
+
     def _follow(self, phase: Phase, segment: JointSegment, width: tuple[float, float]) -> None:
         """Move the arm and open or close the gripper freely, until something is touched."""
         hz = self._scene.spec.physics.free_hz
         self._scene.world.set_rate(hz)
-        trajectory = sample(segment, hz, self._scene.spec.record_hz)
+        trajectory = sample(segment, hz, self._scene.spec.physics.control_hz)
         progress = np.linspace(0.0, 1.0, len(trajectory.positions) + 1)[1:]
         widths = (width[0] + (width[1] - width[0]) * progress).tolist()
         targets = zip(trajectory.positions.tolist(), trajectory.velocities.tolist(), strict=True)
-        every = hz // self._scene.spec.record_hz
-        for i, (positions, velocities) in enumerate(targets):
-            self._joint_targets, self._width_target = positions, widths[i]
-            self._scene.robot.command(positions, velocities, widths[i], hz)
-            self._step(phase, hz, is_record=(i + 1) % every == 0)
-            if (i + 1) % every == 0:
-                self.touched = self._unexpected_contact()
-                if self.touched is not None:
-                    return
+        for (positions, velocities), opening in zip(targets, widths, strict=True):
+            self._joint_targets, self._width_target = positions, opening
+            self._scene.robot.command(positions, velocities, opening, hz)
+            self._step(phase, hz)
+            self.touched = self._unexpected_contact()
+            if self.touched is not None:
+                return
 
-    def _follow_gripping(self, phase: Phase, segment: JointSegment) -> None:
+    def _follow_gripping(self, phase: Phase, trajectory: Trajectory) -> None:
         hz = self._scene.spec.physics.contact_hz
-        trajectory = sample(segment, hz, self._scene.spec.record_hz)
-        every = hz // self._scene.spec.record_hz
         targets = zip(trajectory.positions.tolist(), trajectory.velocities.tolist(), strict=True)
-        for i, (positions, velocities) in enumerate(targets):
+        for positions, velocities in targets:
             self._joint_targets = positions
             self._scene.robot.command_arm(positions, velocities, hz)
-            self._step(phase, hz, is_record=(i + 1) % every == 0)
+            self._step(phase, hz)
+
+    def _shake(self, level: float) -> None:
+        """Go through the motions of one level, until the target is lost."""
+        self._shake_level = level
+        robot, posture = self._scene.robot, np.array(self._joint_targets)
+        shake = self._scene.spec.shake
+        for motion in plan_shake(robot.chain, posture, level, shake, self._gripping_rates):
+            self._follow_gripping(Phase.SHAKE, motion)
+            if not self._pads_touch_target():
+                return
 
     def _close(self) -> None:
         """Close until the fingers stand still."""
@@ -101,51 +127,77 @@ class Attempt:
         robot.command_arm(self._joint_targets, [0.0] * len(self._joint_targets), hz)
         robot.command_grip(settings.closing_speed, settings.grip_force)
         self._width_target = 0.0
-        slow_records, needed = 0, STALLED_S * self._scene.spec.record_hz
+        slow_for, needed = 0, STALLED_S * physics.control_hz
 
         def is_stalled() -> bool:
-            nonlocal slow_records
-            slow = robot.finger_speed() < STALLED_SPEED
-            slow_records = slow_records + 1 if slow else 0
-            return slow_records >= needed
+            nonlocal slow_for
+            slow_for = slow_for + 1 if robot.finger_speed() < STALLED_SPEED else 0
+            return slow_for >= needed
 
-        self._wait(Phase.CLOSE, settings.longest_close_s, is_stalled)
+        gripper = robot.model.gripper
+        speed = min(settings.closing_speed, gripper.max_finger_speed)
+        longest = gripper.max_width / 2.0 / speed + CLOSING_SETTLE_S
+        self._wait(Phase.CLOSE, longest, is_stalled)
 
     def _wait(
         self, phase: Phase, seconds: float, is_over: Callable[[], bool] = lambda: False
     ) -> None:
-        """Stand still at the contact rate for a time, or until ``is_over`` says so at a record."""
-        hz, record_hz = self._scene.spec.physics.contact_hz, self._scene.spec.record_hz
-        for _ in range(max(1, round(seconds * record_hz))):
-            for i in range(hz // record_hz):
-                self._step(phase, hz, is_record=(i + 1) * record_hz == hz)
+        """Stand still for a time, or until ``is_over``, asked at the control rate, says so."""
+        hz, control_hz = self._gripping_rates
+        for _ in range(math.ceil(seconds * control_hz)):
+            for _ in range(hz // control_hz):
+                self._step(phase, hz)
             if is_over():
                 return
 
-    def _step(self, phase: Phase, hz: int, *, is_record: bool) -> None:
+    def _step(self, phase: Phase, hz: int) -> None:
+        """Make a step, and sample what is due after it."""
         self._scene.world.step()
-        self._time += 1.0 / hz
-        if not is_record:
+        self._clock += self._clock_hz // hz
+        time = self._clock / self._clock_hz
+        if self._is_due(self._scene.spec.imu_hz):
+            self._imu.sample(time)
+        if not self._is_due(self._scene.spec.record_hz):
             return
-        self._contacts = self._scene.world.contacts()
-        tick = Tick(self._time, phase, self._joint_targets, self._width_target, self._contacts)
+        contacts = self._scene.world.contacts()
+        self._watch_table(contacts)
+        tick = Tick(
+            timestamp=time,
+            phase=phase,
+            joint_position_targets=self._joint_targets,
+            gripper_width_target=self._width_target,
+            shake_level=self._shake_level,
+            contacts=contacts,
+        )
         for sensor in self._sensors:
             sensor.sample(tick)
 
+    def _is_due(self, hz: int) -> bool:
+        return self._clock % (self._clock_hz // hz) == 0
+
+    def _watch_table(self, contacts: Iterable[Row]) -> None:
+        """Note how deep the robot is in the table at this record; its foot stands there."""
+        robot = self._scene.robot.body
+        for c in contacts:
+            if c[2] == self._scene.table and c[1] == robot and c[3] >= 0:
+                self.table_penetration = max(self.table_penetration, -c[8])
+            elif c[1] == self._scene.table and c[2] == robot and c[4] >= 0:
+                self.table_penetration = max(self.table_penetration, -c[8])
+
     def _unexpected_contact(self) -> int | None:
-        """Return the label of what the robot touches at the last record, if anything."""
+        """Return the label of what the robot touches, if anything."""
         body = self._scene.robot.body
-        for c in self._contacts:
+        for c in self._scene.world.contacts():
             if c[9] > 0.0 and body in (c[1], c[2]):
                 other = (c[2], c[4]) if c[1] == body else (c[1], c[3])
                 return self._scene.label_of(*other)
         return None
 
     def _pads_touch_target(self) -> bool:
-        """Return whether any pad touches the target at the last record."""
+        """Return whether any pad touches the target."""
         robot = self._scene.robot
         pads = {(robot.body, link) for link in robot.pads}
-        for c in self._contacts:
+        for c in self._scene.world.contacts():
             if c[9] > 0.0 and self._scene.objects[0] in (c[1], c[2]):
                 if {(c[1], c[3]), (c[2], c[4])} & pads:
                     return True

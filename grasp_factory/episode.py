@@ -21,6 +21,7 @@ from grasp_factory.sections import (
     LabelConfig,
     MotionConfig,
     PhysicsConfig,
+    ShakeConfig,
     WorkspaceConfig,
 )
 
@@ -56,9 +57,11 @@ class EpisodeSpec:
     cameras: Mapping[str, CameraConfig]
     resolution: tuple[int, int]
     record_hz: int
+    imu_hz: int
     workspace: WorkspaceConfig
     physics: PhysicsConfig
     motion: MotionConfig
+    shake: ShakeConfig
     label: LabelConfig
 
     def to_json(self) -> str:
@@ -155,6 +158,8 @@ class Episode:
     cameras: Mapping[str, CameraFrames]
     streams: Mapping[str, NDArray[Any]]
     """Time series by name, each (n_steps, ...), unpadded."""
+    imu: Mapping[str, NDArray[Any]]
+    """The IMU's time series, each (n_imu, ...), at their own rate, unpadded."""
 
     @property
     def success(self) -> bool:
@@ -166,12 +171,18 @@ class Episode:
         """Records in each stream."""
         return len(self.streams["timestamp"])
 
+    @property
+    def n_imu(self) -> int:
+        """Samples of the IMU."""
+        return len(self.imu["timestamp"])
+
     def contents(self) -> dict[str, NDArray[Any]]:
         """Return every value of the episode as an array, by path in the store."""
         out: dict[str, NDArray[Any]] = {
             "episodes/success": np.asarray(self.success),
             "episodes/outcome": np.asarray(int(self.outcome), np.uint8),
             "episodes/n_steps": np.asarray(self.n_steps, np.int32),
+            "episodes/n_imu": np.asarray(self.n_imu, np.int32),
             "episodes/spec": np.asarray(self.spec.to_json()),
         }
         for name, value in self.columns.items():
@@ -180,7 +191,9 @@ class Episode:
         for camera, frames in self.cameras.items():
             for name in frames.__slots__:
                 out[f"cameras/{camera}/{name}"] = getattr(frames, name)
-        return out | {f"streams/{name}": values for name, values in self.streams.items()}
+        for group, series in (("streams", self.streams), ("imu", self.imu)):
+            out |= {f"{group}/{name}": values for name, values in series.items()}
+        return out
 
     def checksum(self) -> str:
         """Return the ``checksum`` of the episode's contents."""

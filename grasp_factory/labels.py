@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,18 +24,20 @@ Streams = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurements:
-    """The figures behind a label; NaN where the attempt did not come that far."""
+    """The figures behind a label; NaN where the attempt did not come that far.
 
-    lift_height: float = float("nan")
-    """Rise of the target's centre of mass from its rest to the end, metres."""
-    slip_distance: float = float("nan")
-    """Way of the centre of mass in the TCP frame from the end of the closing to the end, metres."""
-    slip_angle: float = float("nan")
-    """Turn of the target in the TCP frame over the same time, rad."""
-    min_grip_force: float = float("nan")
-    """Smallest normal force of either pad on the target during the hold, N."""
+    Units and meanings are those of the columns of the same names (``schema.py``).
+    """
+
+    lift_height: float = math.nan
+    slip_distance: float = math.nan
+    slip_angle: float = math.nan
+    min_grip_force: float = math.nan
     hold_duration: float = 0.0
-    """Time during which both pads touched the target in the hold, seconds."""
+    shake_level: float = 0.0
+    loss_time: float = math.nan
+    max_penetration: float = math.nan
+    contact_area: float = math.nan
 
 
 def touching(streams: Streams) -> NDArray[np.bool_]:
@@ -60,43 +65,100 @@ def target_com(streams: Streams, object_com: Array) -> Array:
 
 
 def measure(streams: Streams, object_com: Array, rest_height: float) -> Measurements:
-    """Return the measurements of an executed attempt."""
-    phase = streams["phase"]
+    """Return the measurements of an executed attempt.
+
+    Args:
+        streams: The episode's streams.
+        object_com: Centre of mass in the object's own frame, (3,) metres.
+        rest_height: Height of the centre of mass before the attempt, metres.
+    """
+    phase, times = streams["phase"], streams["timestamp"]
     closed = np.flatnonzero(phase == Phase.CLOSE)
     if not len(closed):
         return Measurements()
+    both = np.asarray(touching(streams).all(axis=1))
+    height = target_com(streams, object_com)[:, 2] - rest_height
     start, end = _in_hand(streams, closed[-1]), _in_hand(streams, len(phase) - 1)
-    way = apply(end, object_com) - apply(start, object_com)
-    hold = phase == Phase.HOLD
-    both = touching(streams)[hold].all(axis=1)
-    period = float(np.diff(streams["timestamp"][-2:]).sum())
-    final = apply(_matrix(streams["object_pose"][-1, 0].astype(np.float64)), object_com)
-    return Measurements(
-        lift_height=float(final[2] - rest_height),
-        slip_distance=float(np.linalg.norm(way)),
+    slip = apply(end, object_com) - apply(start, object_com)
+    out = Measurements(
+        lift_height=float(height[phase != Phase.SHAKE][-1]),
+        slip_distance=float(np.linalg.norm(slip)),
         slip_angle=float(np.linalg.norm(rotation_vector(end[:3, :3] @ start[:3, :3].T))),
-        min_grip_force=float(pad_normal_force(streams)[hold].min()) if hold.any() else float("nan"),
-        hold_duration=float(both.sum() * period),
+        shake_level=_survived(streams, both),
+        loss_time=float(times[both][-1]) if both.any() and not both[-1] else math.nan,
+    )
+    hold = phase == Phase.HOLD
+    if not hold.any():
+        return out
+    depth = np.where(streams["tactile_body"] == Label.TARGET, streams["tactile_depth"], np.nan)
+    period = float(times[1] - times[0])
+    return dataclasses.replace(
+        out,
+        min_grip_force=float(pad_normal_force(streams)[hold].min()),
+        hold_duration=float(both[hold].sum() * period),
+        max_penetration=float(np.max(np.nan_to_num(depth[hold]), initial=0.0)),
+        contact_area=_contact_area(streams, int(np.flatnonzero(hold)[-1])),
     )
 
 
-def judge(streams: Streams, object_com: Array, rest_height: float, label: LabelConfig) -> Outcome:
+def judge(
+    streams: Streams, object_com: Array, rest_height: float, thresholds: LabelConfig
+) -> Outcome:
     """Return the outcome of an attempt in which the gripper closed.
 
-    Success means that at the end of the hold both pads touch the target and its centre of mass
-    is at least ``label.min_lift`` above its rest.
+    Success means that at the end of the hold both pads touch the target and its centre of mass is
+    at least ``min_lift`` above its rest, that it survives the shake up to ``min_shake``, and that
+    it was gripped as firmly and moved as little in the hand as the thresholds ask.
     """
-    phase, touch = streams["phase"], touching(streams).all(axis=1)
+    phase, both = streams["phase"], np.asarray(touching(streams).all(axis=1))
     height = target_com(streams, object_com)[:, 2] - rest_height
-    up = touch & (height >= label.min_lift)
-    if phase[-1] == Phase.HOLD and up[-1]:
-        return Outcome.SUCCESS
+    up = both & (height >= thresholds.min_lift)
+    held = np.flatnonzero(phase == Phase.HOLD)
+    if len(held) and up[held[-1]]:
+        return _judge_held(measure(streams, object_com, rest_height), thresholds)
     if height[-1] + rest_height < FELL_OFF:
         return Outcome.LEFT_WORKSPACE
-    if not touch.any():
+    if not both.any():
         return Outcome.NO_CONTACT
     lifted = np.flatnonzero(phase == Phase.LIFT)
     return Outcome.LOST_IN_HOLD if len(lifted) and up[lifted[-1]] else Outcome.LOST_IN_LIFT
+
+
+def _judge_held(measured: Measurements, thresholds: LabelConfig) -> Outcome:
+    if measured.shake_level < thresholds.min_shake:
+        return Outcome.LOST_IN_SHAKE
+    firm = measured.min_grip_force >= thresholds.min_grip_force
+    steady = (
+        _within(measured.slip_distance, thresholds.max_slip_distance)
+        and _within(measured.slip_angle, thresholds.max_slip_angle)
+    )  # fmt: skip
+    return Outcome.SUCCESS if firm and steady else Outcome.UNSTABLE
+
+
+def _within(value: float, bound: float | None) -> bool:
+    return bound is None or value <= bound
+
+
+def _survived(streams: Streams, both: NDArray[np.bool_]) -> float:
+    """Return the highest level at whose end, and at that of all before, both pads touch."""
+    levels = streams["shake_level"]
+    survived = 0.0
+    for level in np.unique(levels[levels > 0]):
+        if not both[levels == level][-1]:
+            break
+        survived = float(level)
+    return survived
+
+
+def _contact_area(streams: Streams, record: int) -> float:
+    """Return the area (m2) that the target's contact points span on a pad, mean of both pads."""
+    areas = []
+    for pad in range(2):
+        on_target = streams["tactile_body"][record, pad] == Label.TARGET
+        points = streams["tactile_position"][record, pad][on_target][:, [0, 2]]
+        hull = cv2.convexHull(points) if len(points) > 2 else None
+        areas.append(cv2.contourArea(hull) if hull is not None else 0.0)
+    return float(np.mean(areas))
 
 
 def _in_hand(streams: Streams, i: int) -> Array:

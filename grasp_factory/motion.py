@@ -75,13 +75,12 @@ def plan_motion(
     return next((found for found in through_others if found is not None), None)
 
 
-def sample(segment: JointSegment, hz: int, record_hz: int) -> Trajectory:
+def sample(segment: JointSegment, hz: int, control_hz: int) -> Trajectory:
     """Return the targets of a segment, one for each step at ``hz``, minimum-jerk in time.
 
-    The motion takes a whole number of records, so that these stay evenly spaced; it is never
-    quicker than planned.
+    The motion takes a whole number of periods of ``control_hz``, never less time than planned.
     """
-    steps = math.ceil(segment.duration * record_hz) * (hz // record_hz)
+    steps = math.ceil(segment.duration * control_hz) * (hz // control_hz)
     tau = np.arange(1, steps + 1) / steps
     s = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
     ds_dt = 30.0 * tau**2 * (1.0 - tau) ** 2 / (steps / hz)

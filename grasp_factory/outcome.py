@@ -25,6 +25,10 @@ class Outcome(IntEnum):
     """Both pads touched the target, and it was lost before the lift ended."""
     LOST_IN_HOLD = 8
     """The target was up when the lift ended and lost by the end of the hold."""
+    LOST_IN_SHAKE = 9
+    """The target was held, and lost at a level of the shake that success demands."""
+    UNSTABLE = 10
+    """The target stayed in the hand, but gripped too weakly or moved too far for the label."""
 
 
 class Phase(IntEnum):
@@ -35,6 +39,7 @@ class Phase(IntEnum):
     CLOSE = 2
     LIFT = 3
     HOLD = 4
+    SHAKE = 5
 
 
 class Label(IntEnum):

@@ -59,8 +59,8 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
             attempt.run(motion, chosen.width)
             after = take_images(scene)
             outcome = Outcome.COLLISION
-    streams = attempt.streams()
-    _refuse_non_finite(streams, spec)
+    streams, imu = attempt.streams(), attempt.imu()
+    _refuse_non_finite(streams | imu, spec)
     if attempt.has_closed:
         outcome = judge(streams, object_com[0], rest_height, spec.label)
     measured = measure(streams, object_com[0], rest_height)
@@ -73,10 +73,12 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
         | {
             "object_com": object_com,
             "rest_height": rest_height,
+            "table_penetration": attempt.table_penetration,
             "collision_body": np.uint8(attempt.touched or 0),
         },
         cameras={name: _frames(before[name], after[name]) for name in before},
         streams=streams,
+        imu=imu,
     )
 
 

@@ -56,9 +56,11 @@ def sample_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
         cameras=config.cameras,
         resolution=config.resolution,
         record_hz=config.record_hz,
+        imu_hz=config.imu_rate,
         workspace=config.workspace,
         physics=config.physics,
         motion=config.motion,
+        shake=config.shake,
         label=config.label,
     )
 

@@ -36,13 +36,14 @@ FLOOR_RGBA = (0.42, 0.44, 0.46, 1.0)
 MAX_BACKGROUNDS = 16
 """Backgrounds kept in memory, 3.4 MB each at 640x480."""
 
-SETTLED_SPEED = 0.005
-"""m/s of the centre of mass below which an object counts as still."""
-SETTLED_SPIN = 0.1
-"""rad/s: a point 5 cm from the centre moves at the speed above."""
-SETTLED_CHECKS = 5
-"""Consecutive checks, ``SETTLE_CHECK_S`` apart, that must find everything still."""
-SETTLE_CHECK_S = 0.05
+SETTLED_WAY = 0.0003
+"""Metres that the centre of mass of a resting object may move within ``SETTLED_S``."""
+SETTLED_TURN = 0.006
+"""Radians that it may turn: a point 5 cm from the centre moves by the way above."""
+SETTLED_S = 0.25
+"""Displacement is judged, not velocity: that of a compound of hulls at rest chatters with the
+solver at several mm/s, though the object stays where it is."""
+SETTLE_CHECKS_PER_WINDOW = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,8 @@ class Scene:
 
     world: World
     spec: EpisodeSpec
+    table: int
+    """Body."""
     robot: Robot
     objects: tuple[int, ...]
     """Bodies in the spec's order; the first is the target."""
@@ -97,6 +100,7 @@ def build_scene(world: World, spec: EpisodeSpec) -> Scene:
     return Scene(
         world,
         spec,
+        table,
         robot,
         objects,
         labels,
@@ -154,20 +158,23 @@ def settle(scene: Scene) -> Outcome | None:
     world.set_rate(physics.free_hz)
     home, still = robot.model.home, [0.0] * len(robot.model.home)
     robot.command(home, still, robot.model.gripper.max_width, physics.free_hz)
-    steps = max(1, round(SETTLE_CHECK_S * physics.free_hz))
-    quiet = 0
-    for _ in range(max(1, round(physics.settle_s / SETTLE_CHECK_S))):
+    window = SETTLE_CHECKS_PER_WINDOW
+    steps = max(1, round(SETTLED_S / window * physics.free_hz))
+    poses = [_poses(scene)]
+    settled = False
+    for _ in range(max(window, round(physics.settle_s * physics.free_hz / steps))):
         for _ in range(steps):
             world.step()
-        quiet = quiet + 1 if all(_is_still(world, body) for body in scene.objects) else 0
-        if quiet == SETTLED_CHECKS:
+        poses.append(_poses(scene))
+        settled = len(poses) > window and _are_close(poses[-1 - window], poses[-1])
+        if settled:
             break
     com = scene.com()
     if not np.isfinite(com).all():
         raise RecipeError(f"the simulation of {scene.spec.objects[0].object_id} diverged: {com}")
     if not is_inside(com, scene.spec.workspace):
         return Outcome.LEFT_WORKSPACE
-    return None if quiet == SETTLED_CHECKS else Outcome.NEVER_SETTLED
+    return None if settled else Outcome.NEVER_SETTLED
 
 
 def is_inside(point: Array, workspace: WorkspaceConfig) -> bool:
@@ -195,6 +202,14 @@ def observe(scene: Scene, images: Mapping[str, CameraImage]) -> SceneView:
     )
 
 
-def _is_still(world: World, body: int) -> bool:
-    linear, angular = world.velocity(body)
-    return bool(np.linalg.norm(linear) < SETTLED_SPEED and np.linalg.norm(angular) < SETTLED_SPIN)
+def _poses(scene: Scene) -> Array:
+    """Return the poses (M, 7) of the objects' centres of mass: position and quat_xyzw."""
+    frames = (scene.world.com_frame(body) for body in scene.objects)
+    return np.array([(*position, *quat) for position, quat in frames])
+
+
+def _are_close(before: Array, after: Array) -> bool:
+    """Return whether no object has moved or turned more than one at rest may."""
+    way = np.linalg.norm(after[:, :3] - before[:, :3], axis=1)
+    half_cosine = np.abs((before[:, 3:] * after[:, 3:]).sum(axis=1)).clip(max=1.0)
+    return bool((way < SETTLED_WAY).all() and (2 * np.arccos(half_cosine) < SETTLED_TURN).all())

@@ -17,6 +17,8 @@ from grasp_factory.outcome import Label, Outcome, Phase, names
 FORMAT = "grasp-factory"
 FORMAT_VERSION = 1
 
+LENGTH_COLUMNS: Mapping[str | int, str] = {"T": "episodes/n_steps", "U": "episodes/n_imu"}
+"""By a time series' first dimension: the column that holds its valid length."""
 MAX_CONTACTS = 12
 """Contact points kept per pad and record; the strongest stay when there are more."""
 
@@ -49,9 +51,9 @@ class Field:
         return float("nan") if np.dtype(self.dtype).kind == "f" else self.empty
 
     @property
-    def is_stream(self) -> bool:
-        """True for time series, which are padded to the longest attempt."""
-        return self.path.startswith("streams/")
+    def length_column(self) -> str:
+        """For time series, which are padded: the column that holds the valid length; else ''."""
+        return LENGTH_COLUMNS.get(self.dims[0], "") if self.dims else ""
 
     @property
     def is_image(self) -> bool:
@@ -66,6 +68,7 @@ def _f(path: str, dims: tuple[str | int, ...], dtype: str, description: str, **m
 _OUTCOMES, _PHASES, _LABELS = (tuple(names(w)) for w in (Outcome, Phase, Label))
 _STATUS = ("missing", "committed", "quarantined")
 _PAD = "pad: origin at the pad's centre, axes parallel to the TCP frame's"
+_IMU = "imu: at the wrist flange, axes parallel to the TCP frame's"
 _SENSOR = "ft_sensor: at the wrist flange, axes parallel to the TCP frame's"
 
 STATUS = _f("episodes/status", (), "uint8", "commit marker, written last", names=_STATUS)
@@ -80,6 +83,7 @@ FIELDS: tuple[Field, ...] = (
     _f("episodes/spec", (), "string", "JSON recipe: running it gives this episode again"),
     _f("episodes/error", (), "string", "why the episode is quarantined"),
     _f("episodes/n_steps", (), "int32", "valid length of the streams"),
+    _f("episodes/n_imu", (), "int32", "valid length of the IMU's series"),
     _f("episodes/object_id", (), "string", "target object"),
     _f("episodes/object_set", (), "string", "set that the target comes from"),
     _f("episodes/split", (), "string", "train, val or test, by object"),
@@ -96,7 +100,8 @@ FIELDS: tuple[Field, ...] = (
     _f("episodes/grasp_score", (), "float64", "the policy's own figure of merit"),
     _f("episodes/rest_height", (), "float64", "height of the target's centre of mass at rest",
        units="m", frame="world"),
-    _f("episodes/lift_height", (), "float64", "rise of the centre of mass at the end", units="m"),
+    _f("episodes/lift_height", (), "float64",
+       "rise of the centre of mass by the end of the hold (or of the attempt)", units="m"),
     _f("episodes/slip_distance", (), "float64",
        "way of the target's centre of mass in the hand from the end of the closing to the end",
        units="m", frame="tcp"),
@@ -105,6 +110,17 @@ FIELDS: tuple[Field, ...] = (
     _f("episodes/min_grip_force", (), "float64",
        "smallest normal force of either pad on the target during the hold", units="N"),
     _f("episodes/hold_duration", (), "float64", "time held by both pads after the lift", units="s"),
+    _f("episodes/shake_level", (), "float64", "highest level of the shake that it survived",
+       units="9.80665 m/s2"),
+    _f("episodes/loss_time", (), "float64",
+       "when both pads had touched the target for the last time; NaN if they still do", units="s"),
+    _f("episodes/max_penetration", (), "float64",
+       "deepest overlap of a pad and the target during the hold", units="m"),
+    _f("episodes/contact_area", (), "float64",
+       "area that the contact points span on a pad at the end of the hold, mean of both",
+       units="m2"),
+    _f("episodes/table_penetration", (), "float64",
+       "deepest overlap of the robot and the table in the attempt", units="m"),
     _f("episodes/collision_body", (), "uint8", "what was touched, for outcome collision",
        names=_LABELS),
     _f("cameras/{camera}/rgb", (2, "H", "W", 3), "uint8", "frame 0 before, 1 after"),
@@ -116,6 +132,8 @@ FIELDS: tuple[Field, ...] = (
        units="m", frame="world"),
     _f("streams/timestamp", ("T",), "float64", "simulation time since the arm started", units="s"),
     _f("streams/phase", ("T",), "uint8", "part of the attempt", names=_PHASES, empty=255),
+    _f("streams/shake_level", ("T",), "float32", "level of the shake, 0 outside of it",
+       units="9.80665 m/s2"),
     _f("streams/joint_positions", ("T", "J"), "float32", "measured", units="rad"),
     _f("streams/joint_velocities", ("T", "J"), "float32", "measured", units="rad/s"),
     _f("streams/joint_torques", ("T", "J"), "float32", "applied by the motors", units="N m"),
@@ -135,11 +153,22 @@ FIELDS: tuple[Field, ...] = (
        units="N", frame=_PAD),
     _f("streams/tactile_normal", ("T", 2, "P", 3), "float32",
        "unit contact normal, pointing into the pad", frame=_PAD),
+    _f("streams/tactile_depth", ("T", 2, "P"), "float32", "overlap at each point", units="m"),
     _f("streams/tactile_body", ("T", 2, "P"), "uint8", "what touches at each point", names=_LABELS),
+    _f("streams/hand_force", ("T", 3), "float32",
+       "force on the target of the robot's links other than the pads: palm, finger sides",
+       units="N", frame="world"),
     _f("streams/wrist_wrench", ("T", 6), "float32",
        "load on the flange sensor: tool weight, inertia and contacts; force N, torque N m",
        frame=_SENSOR),
     _f("streams/reward", ("T",), "float32", "1 on the last record of a success, else 0"),
+    _f("imu/timestamp", ("U",), "float64", "simulation time, the streams' clock", units="s"),
+    _f("imu/specific_force", ("U", 3), "float32",
+       "acceleration less gravity, mean since the sample before; at rest 9.81 upwards",
+       units="m/s2", frame=_IMU),
+    _f("imu/angular_velocity", ("U", 3), "float32", "of the wrist", units="rad/s", frame=_IMU),
+    _f("imu/T_tcp_imu", (4, 4), "float64", "where the IMU sits in the hand", units="m",
+       frame="tcp"),
 )  # fmt: skip
 
 
@@ -147,7 +176,8 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
     """Return the length of each lettered dimension for a config and a robot's joint count."""
     width, height = config.resolution
     return {
-        "T": config.motion.longest_attempt(config.record_hz),
+        "T": config.longest_attempt,
+        "U": config.longest_attempt * config.imu_rate // config.record_hz,
         "J": joints,
         "M": 1,
         "P": MAX_CONTACTS,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from grasp_factory.outcome import Phase
 from grasp_factory.records import check, check_range
 
 Vector3 = tuple[float, float, float]
@@ -20,6 +21,10 @@ MAX_STRETCH = 2.0
 """A straight motion may take this many times longer than its speed says, for slow joints."""
 MAX_CLOSING_STROKE = 0.06
 """Metres: no gripper of the table has fingers that travel farther."""
+SLOWEST_FINGERS = 0.05
+"""m/s: no gripper of the table has fingers whose greatest speed is less."""
+SHAKE_MOTIONS = 4
+"""Motions of each level of the shake: along three axes and about one."""
 CLOSING_SETTLE_S = 0.3
 """Seconds that the fingers may take beyond their travel until they stand still."""
 
@@ -44,7 +49,12 @@ class CameraConfig:
 
     def __post_init__(self) -> None:
         check_range(self, "fov_y_deg", 1.0, 170.0, "degrees")
-        check(0.0 < self.near < self.far, "near", self.near, "0 < near < far")
+        check_range(self, "near", 0.001, 10.0, "m")
+        check_range(self, "far", 0.01, 100.0, "m")
+        check(self.near < self.far, "near", self.near, f"less than far ({self.far})")
+        for key in ("eye", "target"):
+            near = all(abs(x) <= 100.0 for x in getattr(self, key))
+            check(near, key, getattr(self, key), "within 100 m of the origin")
         view = [t - e for t, e in zip(self.target, self.eye, strict=True)]
         cross = [
             view[1] * self.up[2] - view[2] * self.up[1],
@@ -70,6 +80,8 @@ class WorkspaceConfig:
         for i in range(3):
             ok = self.upper[i] - self.lower[i] > 2 * self.margin * (i < 2)
             check(ok, "upper", self.upper, "above lower by more than two margins")
+        check_range(self, "margin", 0.0, 0.5, "m")
+        check(self.lower[0] >= 0.25, "lower", self.lower, "x >= 0.25 m: the robot stands at 0")
         low, high = self.drop_height
         check(0.0 <= low <= high <= 1.0, "drop_height", self.drop_height, "0 <= low <= high <= 1")
 
@@ -88,12 +100,21 @@ class PhysicsConfig:
     settle_s: float = 3.0
     """The longest time an object may take to come to rest, seconds."""
 
+    @property
+    def control_hz(self) -> int:
+        """Rate at which motions begin and end, Hz: both kinds of step fit into it."""
+        return math.gcd(self.free_hz, self.contact_hz)
+
     def __post_init__(self) -> None:
         check_range(self, "free_hz", 60, 10_000, "Hz")
         check_range(self, "contact_hz", 60, 10_000, "Hz")
         check_range(self, "solver_iterations", 1, 1000)
         check_range(self, "gravity", 0.1, 30.0, "m/s2")
         check_range(self, "settle_s", 0.1, 30.0, "s")
+
+
+PHYSICS_PRESETS: Mapping[str, Mapping[str, int]] = {"default": {}, "fast": {"contact_hz": 240}}
+"""By name: what differs from the default (docs/physics.md has what it costs)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +130,7 @@ class MotionConfig:
     lift_speed: float = 0.40
     """Peak TCP speed of the lift, m/s."""
     closing_speed: float = 0.10
-    """Speed of each finger, m/s."""
+    """Speed of each finger, m/s; the gripper's own greatest speed where that is less."""
     grip_force: float = 20.0
     """Force limit of each finger, N."""
     hold_s: float = 0.5
@@ -129,8 +150,9 @@ class MotionConfig:
 
     @property
     def longest_close_s(self) -> float:
-        """Seconds after which closing ends, whatever the fingers do."""
-        return MAX_CLOSING_STROKE / self.closing_speed + CLOSING_SETTLE_S
+        """Upper bound for the time of the closing, seconds."""
+        speed = min(self.closing_speed, SLOWEST_FINGERS)
+        return MAX_CLOSING_STROKE / speed + CLOSING_SETTLE_S
 
     @property
     def approach_s(self) -> float:
@@ -142,11 +164,39 @@ class MotionConfig:
         """Seconds that the lift takes, unless a joint is too slow for it."""
         return straight_motion_s(self.lift_height, self.lift_speed)
 
-    def longest_attempt(self, record_hz: int) -> int:
-        """Return an upper bound for the number of records of an attempt."""
+    @property
+    def longest_s(self) -> float:
+        """Upper bound for the time from home to the end of the hold, seconds."""
         straight = MAX_STRETCH * (self.approach_s + self.lift_s)
-        seconds = MAX_TRANSFER_S + straight + self.longest_close_s + self.hold_s
-        return math.ceil(seconds * record_hz) + len(Phase)  # each phase ends on a whole record
+        return MAX_TRANSFER_S + straight + self.longest_close_s + self.hold_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShakeConfig:
+    """The disturbance after the hold.
+
+    At each level the hand goes once to and fro along the world's three axes, then turns to and
+    fro about its approach axis.
+    """
+
+    levels: tuple[float, ...] = (0.5, 1.0)
+    """Peak accelerations in units of standard gravity, increasing; none for no shake."""
+    cycle_s: float = 0.15
+    """Seconds of one motion to and fro; it is shorter where a joint would be too slow."""
+    lever: float = 0.10
+    """Metres from the approach axis at which the turn's acceleration is that of the level."""
+
+    def __post_init__(self) -> None:
+        rising = all(a < b for a, b in itertools.pairwise((0.0, *self.levels)))
+        check(rising, "levels", list(self.levels), "increasing numbers above 0")
+        check(len(self.levels) <= 10, "levels", list(self.levels), "at most 10 levels")
+        check_range(self, "cycle_s", 0.05, 1.0, "s")
+        check_range(self, "lever", 0.01, 1.0, "m")
+
+    @property
+    def longest_s(self) -> float:
+        """Upper bound for the time of all levels, seconds."""
+        return len(self.levels) * SHAKE_MOTIONS * self.cycle_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,6 +205,19 @@ class LabelConfig:
 
     min_lift: float = 0.10
     """Metres that the object must be above its resting height at the end of the hold."""
+    min_shake: float = 1.0
+    """Level of the shake that it must survive; 0 asks for none."""
+    min_grip_force: float = 0.0
+    """Newtons that neither pad may fall below during the hold."""
+    max_slip_distance: float | None = None
+    """Metres that it may move in the hand; null for any."""
+    max_slip_angle: float | None = None
+    """Radians that it may turn in the hand; null for any."""
 
     def __post_init__(self) -> None:
         check_range(self, "min_lift", 0.01, 0.5, "m")
+        check_range(self, "min_shake", 0.0, 100.0)
+        check_range(self, "min_grip_force", 0.0, 1000.0, "N")
+        for key in ("max_slip_distance", "max_slip_angle"):
+            if getattr(self, key) is not None:
+                check_range(self, key, 0.0, 100.0)

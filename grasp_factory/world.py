@@ -235,6 +235,10 @@ class World:
         )
         return [state[4:6] for state in states]
 
+    def link_motion(self, body: int, link: int) -> Row:
+        """Return (position, quat_xyzw) of a link's frame, (linear, angular) speed of its COM."""
+        return tuple(p.getLinkState(body, link, 1, 1, physicsClientId=self._client)[4:8])
+
     def com_frame(self, body: int) -> Row:
         """Return (position, quat_xyzw) of a body's inertial frame, which is centred on its COM."""
         return tuple(p.getBasePositionAndOrientation(body, physicsClientId=self._client))
@@ -283,8 +287,6 @@ class World:
             physicsClientId=self._client,
         )
         return rgba[..., :3], zbuffer, mask
-
-    # -- inside ---------------------------------------------------------------------------
 
     def _info(self, body: int, joint: int) -> Row:
         return tuple(p.getJointInfo(body, joint, physicsClientId=self._client))

@@ -28,7 +28,7 @@ Streams = dict[str, NDArray[Any]]
 
 HZ = 120
 REST = 0.0625
-LIMIT = LabelConfig(min_lift=0.125)  # floats and float32 agree on these
+LIMIT = LabelConfig(min_lift=0.125, min_shake=0.0)  # floats and float32 agree on these
 UP = REST + LIMIT.min_lift
 CENTERED = np.zeros(3)
 JUST_BELOW = float(np.nextafter(np.float32(UP), np.float32(0.0)))
@@ -48,6 +48,8 @@ def make_streams(phases: tuple[Phase, ...]) -> Streams:
         "tcp_pose": still.copy(),
         "object_pose": still[:, None].copy(),
         "tactile_body": np.zeros((n, 2, MAX_CONTACTS), np.uint8),
+        "tactile_depth": np.full((n, 2, MAX_CONTACTS), np.nan, np.float32),
+        "shake_level": np.zeros(n, np.float32),
     }
     for name in ("position", "force", "normal"):
         streams[f"tactile_{name}"] = np.full((n, 2, MAX_CONTACTS, 3), np.nan, np.float32)
@@ -258,9 +260,9 @@ class TestMeasure:
             measured = measure(make_streams(phases), CENTERED, REST)
             assert measured.hold_duration == 0.0
             rest = dataclasses.asdict(measured)
-            del rest["hold_duration"]
+            assert (rest.pop("hold_duration"), rest.pop("shake_level")) == (0.0, 0.0)
             assert all(math.isnan(value) for value in rest.values())
-            assert list(rest) == list(dataclasses.asdict(Measurements()))[:4]
+            assert len(rest) == len(dataclasses.fields(Measurements)) - 2
 
     @given(
         st.integers(0, 2**32 - 1),
@@ -334,3 +336,100 @@ class TestMeasure:
             array.flags.writeable = False
         measure(streams, CENTERED, REST)
         outcome(streams)
+
+
+def shaken_attempt(*levels: float, lost_in: float | None = None) -> Streams:
+    """Return a held attempt with four records of shake at each level; it may be lost in one."""
+    streams = make_streams(HELD + (Phase.SHAKE,) * (4 * len(levels)))
+    press(streams, slice(CLOSED, None))
+    streams["object_pose"][LIFTED:, 0, 2] = UP + 0.05
+    streams["shake_level"][len(HELD) :] = np.repeat(levels, 4)
+    if lost_in is not None:
+        gone = np.flatnonzero(streams["shake_level"] == lost_in)[1]
+        streams["tactile_body"][gone:] = Label.BACKGROUND
+        streams["object_pose"][gone:, 0, 2] = REST
+    return streams
+
+
+class TestShake:
+    @pytest.mark.parametrize(("lost_in", "survived"), [(None, 1.0), (1.0, 0.5), (0.5, 0.0)])
+    def test_the_level_before_the_loss_is_survived(
+        self, lost_in: float | None, survived: float
+    ) -> None:
+        streams = shaken_attempt(0.5, 1.0, lost_in=lost_in)
+        assert measure(streams, CENTERED, REST).shake_level == survived
+
+    @pytest.mark.parametrize(
+        ("lost_in", "asked", "expected"),
+        [
+            (None, 1.0, Outcome.SUCCESS),
+            (1.0, 1.0, Outcome.LOST_IN_SHAKE),
+            (1.0, 0.5, Outcome.SUCCESS),
+            (0.5, 0.5, Outcome.LOST_IN_SHAKE),
+            (0.5, 0.0, Outcome.SUCCESS),
+        ],
+    )
+    def test_success_asks_for_the_level_of_the_thresholds(
+        self, lost_in: float | None, asked: float, expected: Outcome
+    ) -> None:
+        thresholds = LabelConfig(min_lift=0.125, min_shake=asked)
+        streams = shaken_attempt(0.5, 1.0, lost_in=lost_in)
+        assert judge(streams, CENTERED, REST, thresholds) is expected
+
+    def test_a_touch_by_one_pad_at_a_levels_end_is_no_survival(self) -> None:
+        streams = shaken_attempt(0.5, 1.0)
+        streams["tactile_body"][len(HELD) + 3, 0] = Label.BACKGROUND
+        assert measure(streams, CENTERED, REST).shake_level == 0.0
+
+    def test_the_lift_is_that_of_the_hold_whatever_the_shake_does(self) -> None:
+        streams = shaken_attempt(0.5, lost_in=0.5)
+        assert measure(streams, CENTERED, REST).lift_height == pytest.approx(0.175)
+
+    def test_the_loss_is_dated_by_the_last_touch_of_both_pads(self) -> None:
+        streams = shaken_attempt(0.5, 1.0, lost_in=1.0)
+        last = len(HELD) + 4
+        assert measure(streams, CENTERED, REST).loss_time == streams["timestamp"][last]
+        assert math.isnan(measure(held_attempt(), CENTERED, REST).loss_time)
+
+
+class TestThresholds:
+    @pytest.mark.parametrize(
+        ("key", "bound"),
+        [("min_grip_force", 2.0), ("max_slip_distance", 0.0), ("max_slip_angle", 0.0)],
+    )
+    def test_a_measurement_at_its_bound_passes_and_beyond_it_is_unstable(
+        self, key: str, bound: float
+    ) -> None:
+        streams = make_streams(HELD)
+        press(streams, slice(CLOSED, None))
+        for name in ("tcp_pose", "object_pose"):
+            streams[name][LIFTED:, ..., 2] = UP
+        streams["tcp_pose"][:LIFTED, 2] = REST
+        thresholds = dataclasses.replace(LIMIT, **{key: bound})
+        assert judge(streams, CENTERED, REST, thresholds) is Outcome.SUCCESS
+        if key == "min_grip_force":
+            streams["tactile_force"][-2, 1, 0] = (0.0, 1.9, 0.0)
+        else:
+            put(streams, "object_pose", -1,
+                transform(rotation_about((0, 0, 1), 0.1), (0.01, 0.0, UP)))  # fmt: skip
+        assert judge(streams, CENTERED, REST, thresholds) is Outcome.UNSTABLE
+
+
+class TestContact:
+    def test_penetration_is_the_deepest_overlap_with_the_target_in_the_hold(self) -> None:
+        streams = held_attempt()
+        streams["tactile_depth"][CLOSED:, :, 0] = 1e-4
+        streams["tactile_depth"][-2, 1, 0] = 3e-4
+        streams["tactile_depth"][CLOSED, 0, 0] = 9e-4  # before the hold
+        press(streams, -1, (0,), body=Label.TABLE, slot=1)
+        streams["tactile_depth"][-1, 0, 1] = 9e-4  # not the target
+        assert measure(streams, CENTERED, REST).max_penetration == pytest.approx(3e-4)
+
+    def test_the_area_is_that_of_the_points_hull_on_the_pad(self) -> None:
+        streams = held_attempt()
+        corners = [(-0.01, -0.02), (0.01, -0.02), (0.01, 0.02), (-0.01, 0.02), (0.0, 0.0)]
+        for slot, (x, z) in enumerate(corners):
+            press(streams, -1, (0,), slot=slot)
+            streams["tactile_position"][-1, 0, slot] = (x, 0.0, z)
+        # 8 cm2 on the left pad, a single point on the right one
+        assert measure(streams, CENTERED, REST).contact_area == pytest.approx(4e-4)

@@ -111,7 +111,7 @@ class TestHonesty:
                 # 4 m/s is twice what free fall reaches from lift height.
                 assert np.abs(np.diff(position, axis=0)).max() < 4.0 / SMALL.record_hz
 
-    def test_success_means_both_pads_touch_and_the_object_is_ten_centimetres_up(self):
+    def test_success_means_held_by_both_pads_ten_centimetres_up_and_through_the_shake(self):
         seen = set()
         for episode in default_episodes(60):
             streams = episode.streams
@@ -120,9 +120,12 @@ class TestHonesty:
                 assert not episode.success
                 continue
             com = np.asarray(episode.columns["object_com"])[0]
-            up = target_com(streams, com)[-1, 2] - episode.columns["rest_height"]
-            held = touching(streams)[-1].all() and streams["phase"][-1] == Phase.HOLD
-            assert episode.success == bool(held and up >= 0.10)
+            up = target_com(streams, com)[:, 2] - episode.columns["rest_height"] >= 0.10
+            both = touching(streams).all(axis=1)
+            held = np.flatnonzero(streams["phase"] == Phase.HOLD)[-1:]
+            shaken = np.flatnonzero(streams["shake_level"] == 1.0)[-1:]
+            good = len(held) and len(shaken) and (up & both)[held[0]] and both[shaken[0]]
+            assert episode.success == bool(good)
         assert seen == {True, False}
 
     def test_labels_and_measurements_follow_from_the_stored_streams(self):
@@ -136,6 +139,37 @@ class TestHonesty:
             for field in dataclasses.fields(measured):
                 found = getattr(measured, field.name)
                 assert np.array_equal(found, episode.columns[field.name], equal_nan=True)
+
+
+class TestRecordRate:
+    """What is recorded how often must not change what happens."""
+
+    @pytest.mark.parametrize("record_hz", [240, 60, 10])
+    def test_the_same_motion_and_outcome_at_any_rate(self, world, record_hz):
+        for index in (0, 1, 3, 4):
+            usual = default_episodes(6)[index]
+            episode = run_episode(world, dataclasses.replace(usual.spec, record_hz=record_hz))
+            assert episode.outcome is usual.outcome
+            # The IMU runs at its own rate, so it feels whether anything else happened.
+            assert np.array_equal(episode.imu["specific_force"], usual.imu["specific_force"])
+
+    def test_a_touch_between_two_records_is_a_collision(self, world, monkeypatch):
+        """The fingers come down on the cube; at 10 Hz they would be deep in it at a record."""
+        aiming(monkeypatch, grasp_at(0.55, 0.05 + 0.055, 0.03))
+        episode = run_episode(world, cube_spec(record_hz=10))
+        assert episode.outcome is Outcome.COLLISION
+        moved = np.ptp(episode.streams["object_pose"][:, 0, :3], axis=0)
+        assert moved.max() < 0.002
+
+
+def test_a_policy_cannot_alter_what_is_stored(world, monkeypatch):
+    def blacken(view, rng, settings):
+        view.images["front"].rgb[:] = 0
+
+    policy = Policy("top_down", "vandal", TopDownParameters, blacken)
+    monkeypatch.setattr(rollout, "POLICIES", {"top_down": policy})
+    with pytest.raises(ValueError, match="read-only"):
+        run_episode(world, cube_spec())
 
 
 class TestOutcomes:
@@ -209,7 +243,7 @@ class TestOutcomes:
 def test_every_robot_lifts_the_cube_and_the_attempt_fits_its_bound(world, robot):
     episode = run_episode(world, cube_spec(robot=robot))
     assert episode.success
-    assert episode.n_steps <= SMALL.motion.longest_attempt(SMALL.record_hz)
+    assert episode.n_steps <= SMALL.longest_attempt
 
 
 def test_the_pad_named_left_is_the_one_on_the_tcps_positive_y_side(world):

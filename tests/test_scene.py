@@ -97,3 +97,14 @@ def test_names_that_no_table_has_are_named(world, change, message):
         spec = dataclasses.replace(spec, objects=(dataclasses.replace(spec.objects[0], **change),))
     with pytest.raises(UnknownNameError, match=message.replace("?", r"\?")):
         build_scene(world, spec)
+
+
+@pytest.mark.parametrize("index", [11, 17, 31, 42])
+def test_an_object_that_no_longer_moves_has_settled_though_its_velocity_chatters(world, index):
+    scene = build_scene(world, sample_spec(SMALL, index))
+    outcome = settle(scene)
+    before = scene.com()
+    for _ in range(240):
+        world.step()
+    moved = np.linalg.norm(scene.com() - before)
+    assert (outcome is None) == (moved < 0.003)

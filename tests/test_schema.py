@@ -30,7 +30,7 @@ class TestFields:
 
     @pytest.mark.parametrize("row", FIELDS, ids=IDS)
     def test_every_row_is_complete_and_readable(self, row: Field) -> None:
-        assert re.fullmatch(r"episodes/\w+|streams/\w+|cameras/\{camera\}/\w+", row.path)
+        assert re.fullmatch(r"episodes/\w+|streams/\w+|imu/\w+|cameras/\{camera\}/\w+", row.path)
         assert row.description
         if row.dtype != "string":
             assert np.dtype(row.dtype).name == row.dtype
@@ -55,7 +55,9 @@ class TestFields:
 
     def test_only_streams_have_a_time(self) -> None:
         for row in FIELDS:
-            assert row.is_stream == (row.dims[:1] == ("T",))
+            first = str(row.dims[0]) if row.dims else ""
+            expected = {"T": "episodes/n_steps", "U": "episodes/n_imu"}.get(first, "")
+            assert row.length_column == expected
             assert "T" not in row.dims[1:]
 
     def test_images_are_the_rows_with_pixels(self) -> None:
@@ -113,7 +115,7 @@ class TestSizes:
     @pytest.mark.parametrize("record_hz", [10, 60, 120, 240])
     def test_the_streams_have_room_for_the_longest_attempt(self, record_hz: int) -> None:
         config = FactoryConfig(record_hz=record_hz)
-        assert sizes(config, joints=7)["T"] == config.motion.longest_attempt(record_hz)
+        assert sizes(config, joints=7)["T"] == config.longest_attempt
 
 
 class TestMarkdown:

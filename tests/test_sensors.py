@@ -18,7 +18,7 @@ from grasp_factory.sensors import SENSORS, Tick, object_frame
 from grasp_factory.sensors.tactile import TactilePads
 from grasp_factory.world import World
 
-FIELDS = {row.path.split("/")[1]: row for row in schema.FIELDS if row.is_stream}
+FIELDS = {row.path.split("/")[1]: row for row in schema.FIELDS if row.path.startswith("streams/")}
 ROBOT, CUBE = 2, 3
 """Bodies, in the order in which the scene is built: floor, table, robot, object."""
 SIZES = dict(schema.sizes(SMALL, joints=7))
@@ -37,7 +37,7 @@ def grasped_cube():
 
 
 def tick(contacts=()):
-    return Tick(0.5, Phase.HOLD, [0.0] * 7, 0.05, contacts)
+    return Tick(0.5, Phase.HOLD, [0.0] * 7, 0.05, 0.0, contacts)
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -139,6 +139,22 @@ class TestTactilePads:
         kept = (streams["tactile_force"][0, 0] @ R.T)[:, 2]
         assert kept == pytest.approx(sorted(forces, reverse=True)[: schema.MAX_CONTACTS], abs=1e-5)
         assert (R @ streams["tactile_wrench"][0, 0, :3])[2] == pytest.approx(sum(forces), abs=1e-4)
+
+
+def test_what_the_hand_does_to_the_target_beside_the_pads_is_told_apart(world):
+    scene = build_scene(world, cube_spec())
+    sensor = SENSORS["hand"](world, scene.robot, scene.objects, scene.label_of)
+    palm, pad = (scene.robot.body, 9), (scene.robot.body, scene.robot.pads[0])
+    cube, table = (scene.objects[0], -1), (1, -1)
+    sensor.sample(tick((row(cube, palm), row(pad, cube), row(cube, table), row(palm, table))))
+    sensor.sample(tick((row(palm, cube),)))
+    sensor.sample(tick())
+    forces = sensor.streams()["hand_force"]
+    assert forces.tolist() == [[0.5, 0.25, 2.0], [-0.5, -0.25, -2.0], [0.0, 0.0, 0.0]]
+
+
+def test_a_cube_between_the_pads_is_held_by_them_alone(grasped_cube):
+    assert (grasped_cube.streams["hand_force"] == 0).all()
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

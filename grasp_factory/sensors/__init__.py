@@ -8,7 +8,9 @@ from grasp_factory.robots import Robot
 from grasp_factory.sensors.base import Sensor, Tick
 from grasp_factory.sensors.clock import Clock
 from grasp_factory.sensors.encoders import Encoders
+from grasp_factory.sensors.hand import HandContact
 from grasp_factory.sensors.images import Render, capture, make_camera, render
+from grasp_factory.sensors.imu import WristImu
 from grasp_factory.sensors.tactile import TactilePads
 from grasp_factory.sensors.tracker import ObjectTracker, object_frame
 from grasp_factory.sensors.wrist import WristForceTorque
@@ -22,6 +24,7 @@ SENSORS: Mapping[str, Callable[[World, Robot, tuple[int, ...], LabelOf], Sensor]
     "encoders": lambda world, robot, objects, label_of: Encoders(world, robot),
     "tracker": lambda world, robot, objects, label_of: ObjectTracker(world, objects),
     "tactile": lambda world, robot, objects, label_of: TactilePads(world, robot, label_of),
+    "hand": lambda world, robot, objects, label_of: HandContact(robot, objects[0]),
     "wrist": lambda world, robot, objects, label_of: WristForceTorque(world, robot),
 }
 
@@ -31,6 +34,7 @@ __all__ = [
     "Render",
     "Sensor",
     "Tick",
+    "WristImu",
     "capture",
     "make_camera",
     "object_frame",

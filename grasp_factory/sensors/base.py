@@ -23,6 +23,8 @@ class Tick:
     """(J,) rad, as commanded for the step just made."""
     gripper_width_target: float
     """Metres, as commanded for the step just made."""
+    shake_level: float
+    """Level of the shake in units of standard gravity, 0 outside of it."""
     contacts: tuple[tuple[Any, ...], ...]
     """All contact rows of the step just made (``World.contacts``)."""
 

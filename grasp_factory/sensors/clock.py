@@ -1,4 +1,4 @@
-"""Time and phase of each record."""
+"""Time, phase and level of the shake of each record."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from grasp_factory.sensors.base import Sensor, Tick
 
 
 class Clock(Sensor):
-    """Timestamps in simulation time, and the phase they belong to."""
+    """Timestamps in simulation time, and the part of the attempt they belong to."""
 
     def __init__(self) -> None:
         self._timestamps: list[float] = []
         self._phases: list[int] = []
+        self._levels: list[float] = []
 
     def sample(self, tick: Tick) -> None:
-        """Note time and phase."""
+        """Note time, phase and level."""
         self._timestamps.append(tick.timestamp)
         self._phases.append(int(tick.phase))
+        self._levels.append(tick.shake_level)
 
     def streams(self) -> dict[str, NDArray[Any]]:
-        """Return ``timestamp`` (s) and ``phase``."""
+        """Return ``timestamp`` (s), ``phase`` and ``shake_level``."""
         return {
             "timestamp": np.array(self._timestamps, np.float64),
             "phase": np.array(self._phases, np.uint8),
+            "shake_level": np.array(self._levels, np.float32),
         }

@@ -68,13 +68,16 @@ def capture(
         labels: ``Label`` by [body, link + 1], as ``Scene.labels`` has it.
     """
     whole = background.behind(render(world, camera))
-    depth = zbuffer_to_depth(whole.zbuffer.astype(np.float64), camera.near, camera.far)
+    metres = zbuffer_to_depth(whole.zbuffer.astype(np.float64), camera.near, camera.far)
     seen = whole.mask >= 0
     segmentation = np.full(whole.mask.shape, int(Label.BACKGROUND), np.uint8)
     segmentation[seen] = labels[whole.mask[seen] & _BODY_MASK, whole.mask[seen] >> 24]
+    depth = metres.astype(np.float32)
+    for image in (whole.rgb, depth, segmentation):
+        image.flags.writeable = False  # a policy sees the very arrays that are stored
     return CameraImage(
         rgb=whole.rgb,
-        depth=depth.astype(np.float32),
+        depth=depth,
         segmentation=segmentation,
         intrinsics=camera.intrinsics.matrix(),
         T_world_camera=camera.T_world_camera,

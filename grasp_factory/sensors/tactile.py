@@ -42,15 +42,13 @@ class TactilePads(Sensor):
                 pad, sign, position, other = self._pad_of[c[4]], -1.0, c[6], (c[1], c[3])
             else:
                 continue
-            label = self._label_of(*other)
-            self._rows.append(
-                (record, pad, label, sign, *position, *c[7], c[9], c[10], *c[11], c[12], *c[13])
-            )
+            place = (record, pad, self._label_of(*other), sign, *position)
+            self._rows.append((*place, *c[7], c[9], c[10], *c[11], c[12], *c[13], -c[8]))
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return wrench, points, forces, normals and bodies of the contacts, in pad frames."""
         samples = len(self._frames)
-        rows = np.array(self._rows, np.float64).reshape(-1, 19)
+        rows = np.array(self._rows, np.float64).reshape(-1, 20)
         record, pad, label = (rows[:, i].astype(int) for i in range(3))
         sign, point, normal = rows[:, 3:4], rows[:, 4:7], rows[:, 7:10]
         force = sign * (normal * rows[:, 10:11] + rows[:, 12:15] * rows[:, 11:12]
@@ -71,7 +69,9 @@ class TactilePads(Sensor):
             out[f"tactile_{name}"] = stream
         bodies = np.zeros((samples, 2, MAX_CONTACTS), np.uint8)
         bodies[where] = label[kept]
-        return out | {"tactile_body": bodies}
+        depth = np.full((samples, 2, MAX_CONTACTS), np.nan, np.float32)
+        depth[where] = rows[kept, 19]
+        return out | {"tactile_body": bodies, "tactile_depth": depth}
 
     def _pad_frames(self) -> Array:
         """Return ``T_world_pad``, (samples, 2, 4, 4)."""

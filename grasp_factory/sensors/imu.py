@@ -1,0 +1,64 @@
+"""The inertial measurement unit at the wrist."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.geometry import Array, Pose, inverse, quat_xyzw_to_matrix
+from grasp_factory.robots import Robot
+from grasp_factory.world import World
+
+Motion = tuple[Any, ...]
+
+
+class WristImu:
+    """Specific force and angular velocity at the origin of the wrist sensor's frame.
+
+    It runs at a rate of its own, so it is no ``Sensor`` of the records. The specific force is the
+    change of velocity since the sample before over that time, less gravity: what an integrating
+    accelerometer delivers, exact whatever happened in between.
+    """
+
+    def __init__(self, world: World, robot: Robot, gravity: float) -> None:
+        self._world, self._robot = world, robot
+        self._gravity = np.array([0.0, 0.0, -gravity])
+        self._timestamps: list[float] = []
+        self._motions: list[Motion] = [self._read()]
+
+    def sample(self, timestamp: float) -> None:
+        """Read the world without stepping it."""
+        self._timestamps.append(timestamp)
+        self._motions.append(self._read())
+
+    def series(self) -> dict[str, NDArray[Any]]:
+        """Return timestamp (n,), specific force and angular velocity (n, 3), and where it sits."""
+        times = np.array([0.0, *self._timestamps])
+        R = np.array([quat_xyzw_to_matrix(motion[1]) for motion in self._motions])
+        angular = np.array([motion[3] for motion in self._motions])
+        velocity = self._origin_velocities(R, angular)
+        acceleration = np.diff(velocity, axis=0) / np.diff(times)[:, None]
+        force = np.einsum("nji,nj->ni", R[1:], acceleration - self._gravity)
+        return {
+            "timestamp": times[1:],
+            "specific_force": force.astype(np.float32),
+            "angular_velocity": np.einsum("nji,nj->ni", R[1:], angular[1:]).astype(np.float32),
+            "T_tcp_imu": self._T_tcp_imu(),
+        }
+
+    def _read(self) -> Motion:
+        return self._world.link_motion(self._robot.body, self._robot.first_tool_link)
+
+    def _origin_velocities(self, R: Array, angular: Array) -> Array:
+        """Return the velocity of the frame's origin: Bullet gives that of the link's COM."""
+        com = self._world.inertial_frame(self._robot.body, self._robot.first_tool_link).position
+        linear = np.array([motion[2] for motion in self._motions])
+        return np.asarray(linear + np.cross(angular, -(R @ np.array(com))))
+
+    def _T_tcp_imu(self) -> Array:
+        """Return the sensor's pose in the TCP frame (4, 4); both sit on the rigid hand."""
+        links = [self._robot.tcp, self._robot.first_tool_link]
+        tcp, imu = (Pose(*f).matrix() for f in self._world.link_frames(self._robot.body, links))
+        return np.asarray(inverse(tcp) @ imu)

@@ -1,0 +1,78 @@
+"""The disturbance after the hold, as joint motion. Pure numpy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from grasp_factory.geometry import Array
+from grasp_factory.kinematics import Chain
+from grasp_factory.motion import Trajectory
+from grasp_factory.sections import ShakeConfig
+
+STANDARD_GRAVITY = 9.80665
+"""m/s2, the unit of a level (BIPM)."""
+
+
+def plan_shake(
+    chain: Chain, posture: Array, level: float, shake: ShakeConfig, rates: tuple[int, int]
+) -> list[Trajectory]:
+    """Return the motions of one level: to and fro along world x, y and z, then about the approach.
+
+    The motions are so small (millimetres) that the Jacobian maps them to the joints. Each takes
+    ``shake.cycle_s``, or less where a joint would exceed its velocity limit: for a given
+    acceleration, speed grows with time.
+
+    Args:
+        chain: The arm.
+        posture: Where it stands, (J,) rad.
+        level: Peak acceleration in units of standard gravity.
+        shake: Its settings.
+        rates: Physics and control rate, Hz.
+    """
+    T, J = chain.fk_and_jacobian(posture)
+    acceleration = level * STANDARD_GRAVITY
+    twists = np.zeros((4, 6))
+    twists[:3, :3] = acceleration * np.eye(3)
+    twists[3, 3:] = acceleration / shake.lever * T[:3, 2]
+    motions = []
+    for twist in twists:
+        joints = np.linalg.pinv(J) @ twist  # joint accelerations at the peak, rad/s2
+        fastest = float((np.abs(joints) / chain.velocity_limits).max()) * _PEAK_SPEED
+        seconds = min(shake.cycle_s, 1.0 / fastest)
+        motions.append(_pulse(posture, joints, seconds, rates))
+    return motions
+
+
+def _pulse(posture: Array, joints: Array, seconds: float, rates: tuple[int, int]) -> Trajectory:
+    """Return a motion to and fro whose peak acceleration is ``joints`` (J,) rad/s2.
+
+    It takes a whole number of control periods, at least four, else no longer than ``seconds``.
+    """
+    hz, control_hz = rates
+    steps = max(4, math.floor(seconds * control_hz)) * (hz // control_hz)
+    duration = steps / hz
+    position, speed = _shape(np.arange(1, steps + 1) / steps)
+    amplitude = joints * duration**2 / _PEAK
+    return Trajectory(
+        posture + position[:, None] * amplitude, speed[:, None] * amplitude / duration
+    )
+
+
+def _shape(tau: Array) -> tuple[Array, Array]:
+    """Return position and speed of sin(2 pi t) sin(pi t)^2 at times (S,) in [0, 1].
+
+    It starts and ends at rest, and accelerates both ways alike.
+    """
+    w = np.pi * tau
+    position = np.sin(2 * w) * np.sin(w) ** 2
+    speed = np.pi * (2 * np.cos(2 * w) * np.sin(w) ** 2 + np.sin(2 * w) ** 2)
+    return position, speed
+
+
+_FINE = np.linspace(0.0, 1.0, 10_001)
+_PEAK = float(np.abs(np.gradient(_shape(_FINE)[1], _FINE)).max())
+"""Peak acceleration of the shape."""
+_PEAK_SPEED = float(np.abs(_shape(_FINE)[1]).max()) / _PEAK
+"""Peak speed of a motion of unit time and unit peak acceleration."""

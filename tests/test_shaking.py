@@ -1,0 +1,93 @@
+"""The shake: planned in joints, felt by the IMU, survived or not by what is held."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scenes import SMALL, cube_spec
+
+from grasp_factory.outcome import Outcome, Phase
+from grasp_factory.robots import ROBOTS, arm_chain
+from grasp_factory.rollout import run_episode
+from grasp_factory.sections import LabelConfig, ShakeConfig
+from grasp_factory.shaking import STANDARD_GRAVITY, plan_shake
+from grasp_factory.world import World
+
+RATES = (960, 120)
+
+
+@pytest.fixture(scope="module")
+def world():
+    with World() as world:
+        yield world
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+class TestPlan:
+    def plan(self, robot, level=1.0, **settings):
+        chain, home = arm_chain(ROBOTS[robot]), np.array(ROBOTS[robot].home)
+        return chain, home, plan_shake(chain, home, level, ShakeConfig(**settings), RATES)
+
+    def test_the_hand_reaches_the_levels_acceleration_along_each_axis(self, robot):
+        chain, _, motions = self.plan(robot)
+        for axis, motion in enumerate(motions[:3]):
+            position = chain.fk(motion.positions)[:, :3, 3]
+            acceleration = np.diff(position, n=2, axis=0) * RATES[0] ** 2
+            peak = np.abs(acceleration).max(axis=0) / STANDARD_GRAVITY
+            assert peak[axis] == pytest.approx(1.0, rel=0.02)
+            assert np.delete(peak, axis).max() < 0.05
+            assert acceleration[:, axis].max() == pytest.approx(
+                -acceleration[:, axis].min(), rel=0.02
+            )
+
+    def test_the_turn_gives_the_level_at_the_lever(self, robot):
+        chain, _, motions = self.plan(robot, lever=0.1)
+        R = chain.fk(motions[3].positions)[:, :3, :3]
+        point = R @ [0.1, 0.0, 0.0]
+        tangential = np.diff(point, n=2, axis=0) * RATES[0] ** 2
+        assert np.abs(tangential).max() == pytest.approx(STANDARD_GRAVITY, rel=0.05)
+
+    def test_every_motion_ends_where_it_began_at_rest(self, robot):
+        _, home, motions = self.plan(robot)
+        assert len(motions) == 4
+        for motion in motions:
+            assert motion.positions[-1] == pytest.approx(home, abs=1e-9)
+            assert motion.velocities[-1] == pytest.approx(np.zeros(7), abs=1e-9)
+            assert len(motion.positions) % (RATES[0] // RATES[1]) == 0
+
+    def test_no_joint_exceeds_its_speed_even_when_shaken_hard(self, robot):
+        for level in (1.0, 2.0, 3.0):
+            chain, _, motions = self.plan(robot, level)
+            for motion in motions:
+                assert (np.abs(motion.velocities) <= chain.velocity_limits * 1.001).all()
+
+
+def test_the_imu_feels_the_levels_that_were_asked_for(world):
+    episode = run_episode(world, cube_spec())
+    assert episode.columns["shake_level"] == 1.0
+    streams, imu = episode.streams, episode.imu
+    for level in SMALL.shake.levels:
+        times = streams["timestamp"][streams["shake_level"] == np.float32(level)]
+        felt = (imu["timestamp"] > times[0]) & (imu["timestamp"] <= times[-1])
+        change = imu["specific_force"][felt] - np.array([0, 0, -9.81])
+        assert np.abs(change).max(axis=0) / STANDARD_GRAVITY == pytest.approx(level, rel=0.05)
+
+
+def test_a_heavy_object_that_can_be_held_still_is_lost_in_the_shake(world):
+    """2 mu F = 20 N hold 1.8 kg (17.7 N) at rest, but not with half of that on top."""
+    spec = cube_spec()
+    heavy = dataclasses.replace(spec.objects[0], mass=1.8)
+    episode = run_episode(world, dataclasses.replace(spec, objects=(heavy,)))
+    assert episode.outcome is Outcome.LOST_IN_SHAKE
+    assert episode.columns["shake_level"] < 1.0
+    assert episode.columns["loss_time"] > 0.0
+    assert Phase.SHAKE in episode.streams["phase"]
+
+
+def test_without_levels_the_attempt_ends_with_the_hold(world):
+    calm = cube_spec(shake=ShakeConfig(levels=()), label=LabelConfig(min_shake=0.0))
+    episode = run_episode(world, calm)
+    assert episode.success
+    assert episode.streams["phase"][-1] == Phase.HOLD
