@@ -1,13 +1,17 @@
-"""Policies: what to aim at, from images alone. A new one is one file and one row below."""
+"""Policies: what to aim at, from images alone. A new one is one file and one row in direct.py."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from grasp_factory.policies.base import Policy
-from grasp_factory.policies.top_down import TOP_DOWN
-from grasp_factory.policies.uniform import UNIFORM
+from grasp_factory.policies.direct import DIRECT
+from grasp_factory.policies.mixture import MIXTURE
+from grasp_factory.policies.perturbed import PERTURBED
 
-POLICIES: Mapping[str, Policy] = {policy.name: policy for policy in (UNIFORM, TOP_DOWN)}
+POLICIES: Mapping[str, Policy] = {
+    **DIRECT,
+    **{policy.name: policy for policy in (PERTURBED, MIXTURE)},
+}
 
 __all__ = ["POLICIES", "Policy"]

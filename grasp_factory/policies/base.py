@@ -10,6 +10,7 @@ import numpy as np
 
 from grasp_factory.camera import deproject
 from grasp_factory.episode import GraspPlan, SceneView
+from grasp_factory.errors import ConfigError
 from grasp_factory.geometry import Array, apply, transform
 from grasp_factory.records import from_plain
 
@@ -35,6 +36,18 @@ class Policy:
             ConfigError: naming the key, what it got and what is valid.
         """
         return from_plain(self.parameters, plain, f"policy_parameters.{self.name}")
+
+
+def inner_settings(policy: Policy, plain: Mapping[str, Any], key: str) -> Any:
+    """Return the settings of a policy that another one builds on, from plain data under ``key``.
+
+    Raises:
+        ConfigError: naming the key, what it got and what is valid.
+    """
+    try:
+        return from_plain(policy.parameters, plain)
+    except ConfigError as error:
+        raise ConfigError(f"{key}: {error}") from None
 
 
 def target_points(view: SceneView) -> Array:

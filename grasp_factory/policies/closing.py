@@ -1,0 +1,77 @@
+"""What the pads would meet when they close, and how likely it is to hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.geometry import Array, apply, inverse
+from grasp_factory.gripper import Gripper
+from grasp_factory.policies.surface import Surface
+
+PATCH_DEPTH = 0.003
+"""Metres behind the foremost point that still count as touched: surfaces are seen coarsely."""
+POINT_SIZE = 0.002
+"""Metres: what one point of a surface stands for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """The two patches that the pads meet first."""
+
+    shift: float
+    """Metres along the closing axis from the TCP to the middle between them."""
+    span: float
+    """Metres between them."""
+    angle: float
+    """The larger angle between a patch's mean normal and the closing axis, rad."""
+    size: float
+    """The smaller patch's bounding rectangle on its pad, square metres."""
+    middle: Array
+    """(3,) metres, world: the middle between the patches."""
+
+
+def close_on(surface: Surface, T_world_tcp: Array, gripper: Gripper) -> Grip | None:
+    """Return what the pads meet, or None when one of them meets nothing."""
+    local = apply(inverse(T_world_tcp), surface.points)
+    half_breadth, half_height = gripper.pad_size[0] / 2.0, gripper.pad_size[1] / 2.0
+    between = (np.abs(local[:, 0]) < half_breadth) & (np.abs(local[:, 2]) < half_height)
+    points, normals = local[between], surface.normals[between] @ T_world_tcp[:3, :3]
+    left, right = _meet(points, normals, 1.0), _meet(points, normals, -1.0)
+    if left is None or right is None:
+        return None
+    foremost = left.foremost, -right.foremost
+    middle = (left.middle + right.middle) / 2.0
+    return Grip(
+        shift=sum(foremost) / 2.0,
+        span=foremost[0] - foremost[1],
+        angle=max(left.angle, right.angle),
+        size=min(left.size, right.size),
+        middle=apply(T_world_tcp, middle[None])[0],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Patch:
+    foremost: float
+    middle: Array
+    angle: float
+    size: float
+
+
+def _meet(points: Array, normals: Array, side: float) -> _Patch | None:
+    """Return what the pad on one side of the closing axis meets, TCP frame."""
+    facing = side * normals[:, 1] > 0.0
+    points, normals = points[facing], normals[facing]
+    if not len(points):
+        return None
+    y = side * points[:, 1]
+    foremost = float(y.max())
+    touched = y > foremost - PATCH_DEPTH
+    points, normal = points[touched], normals[touched].mean(axis=0)
+    breadth, height = points[:, [0, 2]].max(axis=0) - points[:, [0, 2]].min(axis=0) + POINT_SIZE
+    cosine = side * normal[1] / np.sqrt(normal @ normal)
+    return _Patch(
+        foremost, points.mean(axis=0), float(np.arccos(min(1.0, cosine))), float(breadth * height)
+    )

@@ -1,0 +1,76 @@
+"""Another policy's grasps with noise on their poses: hard negatives, close to what would hold."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from grasp_factory.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.geometry import rotation_about
+from grasp_factory.gripper import Gripper
+from grasp_factory.policies.base import Policy, inner_settings
+from grasp_factory.policies.clearance import off_the_table
+from grasp_factory.policies.direct import DIRECT
+from grasp_factory.records import check, check_range, to_plain
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PerturbedParameters:
+    """Settings of ``perturbed``."""
+
+    base: str = "top_down"
+    """The policy whose grasps are perturbed."""
+    base_parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Its settings; what is left out takes its default."""
+    position_sigma: float = 0.01
+    """Standard deviation of the TCP's position along each axis, metres."""
+    rotation_sigma_deg: float = 10.0
+    """Standard deviation of the rotation vector's components, degrees."""
+
+    def __post_init__(self) -> None:
+        check(self.base in DIRECT, "base", self.base, ", ".join(DIRECT))
+        check_range(self, "position_sigma", 0.0, 0.2, "m")
+        check_range(self, "rotation_sigma_deg", 0.0, 60.0, "degrees")
+        # A recipe holds every setting, those of the base too.
+        inner = inner_settings(DIRECT[self.base], self.base_parameters, "base_parameters")
+        object.__setattr__(self, "base_parameters", to_plain(inner))
+
+
+def plan(view: SceneView, rng: np.random.Generator, settings: PerturbedParameters) -> GraspPlan:
+    """Return the base's grasps in its order and with its scores, each with noise of its own."""
+    base = DIRECT[settings.base]
+    planned = base.plan(view, rng, base.settings(settings.base_parameters))
+    return GraspPlan(
+        grasps=tuple(
+            dataclasses.replace(
+                perturb(grasp, view.gripper, rng, settings), proposer=grasp.proposer or base.name
+            )
+            for grasp in planned.grasps
+        )
+    )
+
+
+def perturb(
+    grasp: Grasp, gripper: Gripper, rng: np.random.Generator, settings: PerturbedParameters
+) -> Grasp:
+    """Return the grasp moved and turned about its TCP; its fingertips stay off the table."""
+    T = grasp.T_world_tcp.copy()
+    T[:3, 3] += rng.normal(0.0, settings.position_sigma, size=3)
+    turn = np.radians(rng.normal(0.0, settings.rotation_sigma_deg, size=3))
+    angle = float(np.linalg.norm(turn))
+    if angle > 0.0:
+        T[:3, :3] = T[:3, :3] @ rotation_about(turn / angle, angle)
+    T[2, 3] += off_the_table(T, gripper, grasp.width)
+    return dataclasses.replace(grasp, T_world_tcp=T)
+
+
+PERTURBED = Policy(
+    name="perturbed",
+    description="another policy's grasps with noise on their poses: hard negatives",
+    parameters=PerturbedParameters,
+    plan=plan,
+)

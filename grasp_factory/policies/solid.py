@@ -1,0 +1,66 @@
+"""What fills the space on the table, as far as images tell: columns below what is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.camera import deproject
+from grasp_factory.episode import SceneView
+from grasp_factory.geometry import Array, apply
+from grasp_factory.outcome import Label
+
+CELL = 0.004
+"""Metres: side of a column."""
+LEVEL = 0.010
+"""Metres between a column's points, one above the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Square columns from the table to the highest point that is seen above their middle."""
+
+    xy: Array
+    """(K, 2) metres, world, their middles."""
+    tops: Array
+    """(K,) metres."""
+
+    @classmethod
+    def under(cls, points: Array) -> Columns:
+        """Return the columns under points (N, 3)."""
+        if not len(points):
+            return cls(np.zeros((0, 2)), np.zeros(0))
+        cells = np.floor(points[:, :2] / CELL).astype(np.int64)
+        lowest = cells.min(axis=0)
+        stride = int(cells[:, 1].max() - lowest[1]) + 1
+        keys = (cells[:, 0] - lowest[0]) * stride + cells[:, 1] - lowest[1]
+        found, inverse = np.unique(keys, return_inverse=True)
+        tops = np.zeros(len(found))
+        np.maximum.at(tops, inverse, points[:, 2])
+        indices = np.stack([found // stride, found % stride], axis=1) + lowest
+        return cls((indices + 0.5) * CELL, tops)
+
+    def centroid(self) -> Array:
+        """Return the middle of their volume, (3,) metres."""
+        weights = self.tops + 1e-9  # flat as the table is an area at least
+        weights /= weights.sum()
+        return np.array([*(weights @ self.xy), weights @ self.tops / 2.0])
+
+    def points(self) -> Array:
+        """Return points (N, 3) that fill them, ``LEVEL`` apart, their tops among them."""
+        counts = np.floor(self.tops / LEVEL).astype(int) + 1
+        rows = np.repeat(np.arange(len(self.tops)), counts)
+        below = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+        heights = self.tops[rows] - below * LEVEL
+        return np.column_stack([self.xy[rows], heights])
+
+
+def object_points(view: SceneView) -> Array:
+    """Return the visible points (N, 3) of all objects, world frame, metres."""
+    clouds = [np.zeros((0, 3))]
+    for image in view.images.values():
+        seen = image.segmentation >= Label.TARGET
+        points = deproject(image.depth.astype(np.float64), image.intrinsics)[seen]
+        clouds.append(apply(image.T_world_camera, points))
+    return np.vstack(clouds)

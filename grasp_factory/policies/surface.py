@@ -1,0 +1,169 @@
+"""What one depth image tells about the target's surface: points with normals, and its outline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.camera import deproject
+from grasp_factory.episode import CameraImage, SceneView
+from grasp_factory.geometry import Array, apply
+
+BASELINE = 2
+"""Pixels to either side over which a surface is differentiated."""
+BEND = 0.005
+"""Metres by which a pixel's depth may miss the mean of its neighbours on a smooth surface; a plane
+seen at a glancing angle misses by nothing, however steep it is."""
+JUMP = 0.010
+"""Metres of depth between neighbouring pixels that part the target from what lies behind it."""
+SOFTENING = 3
+"""Pixels to either side over which the outline is smoothed before its direction is taken."""
+WALL_STEP = 0.005
+"""Metres between the points of a wall, one above the other."""
+LEAST_SLOPE = 0.2
+"""An outline whose normal has a shorter horizontal part says nothing about a wall below it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Points of a surface in the world frame."""
+
+    points: Array
+    """(K, 3) metres."""
+    normals: Array
+    """(K, 3) unit, pointing out of the body."""
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def thinned(self, most: int) -> Surface:
+        """Return at most ``most`` of the points, evenly spaced in their order."""
+        if len(self) <= most:
+            return self
+        rows = np.linspace(0, len(self) - 1, most).astype(int)
+        return Surface(self.points[rows], self.normals[rows])
+
+    def where(self, rows: NDArray[np.bool_]) -> Surface:
+        """Return the points that a mask (K,) chooses."""
+        return Surface(self.points[rows], self.normals[rows])
+
+
+def joined(surfaces: list[Surface]) -> Surface:
+    """Return the points of several surfaces as one."""
+    empty = np.zeros((0, 3))
+    points = np.vstack([empty, *(surface.points for surface in surfaces)])
+    return Surface(points, np.vstack([empty, *(surface.normals for surface in surfaces)]))
+
+
+def seen_surface(view: SceneView) -> Surface:
+    """Return the target's visible surface over all cameras, where it is smooth enough."""
+    return joined([_seen(crop) for crop in _crops(view)])
+
+
+def walls_below(edge: Surface) -> Surface:
+    """Return vertical walls from an outline down to the table, the highest points first."""
+    highest = float(edge.points[:, 2].max(initial=0.0))
+    rows = []
+    for drop in np.arange(0.0, highest, WALL_STEP):
+        lowered = Surface(edge.points - (0.0, 0.0, drop), edge.normals)
+        rows.append(lowered.where(lowered.points[:, 2] > 0.0))
+    return joined(rows)
+
+
+def outline(view: SceneView) -> Surface:
+    """Return where the target's visible surface ends against something farther away.
+
+    Behind it the surface is unseen. The normals are those of a vertical wall below the outline:
+    the plane of the view ray and the outline touches the body, its horizontal part is kept.
+    """
+    return joined([_outline(crop) for crop in _crops(view)])
+
+
+@dataclass(frozen=True, slots=True)
+class _Crop:
+    """The part of an image around the target."""
+
+    points: Array
+    """(h, w, 3) camera frame, metres."""
+    mask: NDArray[np.bool_]
+    """(h, w) where the target is."""
+    intrinsics: Array
+    """(3, 3) of the crop."""
+    T_world_camera: Array
+
+
+def _crops(view: SceneView) -> list[_Crop]:
+    return [
+        _crop(image, image.segmentation == view.target_label)
+        for image in view.images.values()
+        if (image.segmentation == view.target_label).any()
+    ]
+
+
+def _crop(image: CameraImage, mask: NDArray[np.bool_]) -> _Crop:
+    """Cut out the target with a border that both differentiations need."""
+    border = SOFTENING + 2
+    v, u = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    top, left = max(0, v[0] - border), max(0, u[0] - border)
+    window = np.s_[top : v[-1] + border + 1, left : u[-1] + border + 1]
+    K = image.intrinsics.copy()
+    K[:2, 2] -= (left, top)
+    depth = image.depth[window].astype(np.float64)
+    return _Crop(deproject(depth, K), mask[window], K, image.T_world_camera)
+
+
+def _seen(crop: _Crop) -> Surface:
+    """Return points and normals from central differences that stay on one surface."""
+    s = BASELINE
+    P, inner = crop.points, np.s_[s:-s, s:-s]
+    if min(P.shape[:2]) <= 2 * s:
+        return joined([])
+    left, right, up, down = (
+        np.s_[s:-s, : -2 * s], np.s_[s:-s, 2 * s :], np.s_[: -2 * s, s:-s], np.s_[2 * s :, s:-s]
+    )  # fmt: skip
+    smooth = crop.mask[inner].copy()
+    depth = P[..., 2]
+    for one, other in ((left, right), (up, down)):
+        bend = (depth[one] + depth[other]) / 2.0 - depth[inner]
+        smooth &= crop.mask[one] & crop.mask[other] & (np.abs(bend) < BEND)
+    points = P[inner][smooth]
+    normals = np.cross((P[down] - P[up])[smooth], (P[right] - P[left])[smooth])
+    lengths = np.linalg.norm(normals, axis=1)
+    normals /= np.maximum(lengths, 1e-12)[:, None]
+    normals *= -np.sign((normals * points).sum(axis=1))[:, None]  # towards the camera
+    good = lengths > 0.0
+    T = crop.T_world_camera
+    return Surface(apply(T, points[good]), normals[good] @ T[:3, :3].T)
+
+
+def _outline(crop: _Crop) -> Surface:
+    """Return the last pixels before something farther, with horizontal normals."""
+    mask, depth = crop.mask, crop.points[..., 2]
+    ends = np.zeros_like(mask)
+    for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        beyond = np.roll(depth, step, axis) - depth > JUMP
+        ends |= mask & ~np.roll(mask, step, axis) & beyond
+    ends[[0, -1], :] = ends[:, [0, -1]] = False  # there the image ends, or np.roll wraps around
+    v, u = np.nonzero(ends)
+    soft = _softened(mask)
+    b, a = (-np.asarray(np.gradient(soft, axis=axis))[v, u] for axis in (0, 1))  # outwards
+    T = crop.T_world_camera
+    lines = np.stack([a, b, -(a * u + b * v)], axis=1)
+    normals = lines @ crop.intrinsics @ T[:3, :3].T
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+    normals[:, 2] = 0.0
+    lengths = np.linalg.norm(normals, axis=1)
+    good = lengths > LEAST_SLOPE
+    return Surface(apply(T, crop.points[v, u][good]), normals[good] / lengths[good, None])
+
+
+def _softened(mask: NDArray[np.bool_]) -> Array:
+    """Return the mask's mean over a square around each pixel."""
+    size = 2 * SOFTENING + 1
+    sums = np.pad(mask.astype(np.float64), SOFTENING)
+    for axis in (0, 1):
+        windows = np.lib.stride_tricks.sliding_window_view(sums, size, axis=axis)
+        sums = windows.mean(axis=-1)
+    return np.asarray(sums)
