@@ -1,0 +1,121 @@
+"""Forces and moments on what is held, against Newton's laws, from recorded streams alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.checks.figure import Figure, percentiles
+from grasp_factory.episode import Episode
+from grasp_factory.geometry import Array, quat_xyzw_to_matrix
+from grasp_factory.labels import target_com, touching
+from grasp_factory.outcome import Label, Phase
+from grasp_factory.robots import ROBOTS
+from grasp_factory.signals import compensate_gravity
+
+Indices = NDArray[np.signedinteger[Any]]
+
+STILL = 0.005
+"""m/s of the target's centre of mass: slower counts as at rest."""
+CLEAR = 0.001
+"""Metres above its rest at which the target has left the table."""
+CENTIMETRE = 0.01
+"""Metres: the lever of the moment that residuals are compared with."""
+
+
+def at_rest(episodes: Iterable[Episode]) -> list[Figure]:
+    """Compare pads and wrist with the weight of what is held at rest, in per cent of it."""
+    pads, wrist, moments = [], [], []
+    for episode in episodes:
+        records = _rest_records(episode)
+        weight = _weight(episode)
+        force, moment = _on_target(episode, records)
+        up = np.array([0.0, 0.0, weight])
+        pads.extend(100.0 * np.linalg.norm(force - up, axis=1) / weight)
+        moments.extend(100.0 * np.linalg.norm(moment, axis=1) / (weight * CENTIMETRE))
+        load = _external_load(episode, records)
+        wrist.extend(100.0 * np.linalg.norm(load + up, axis=1) / weight)
+    return [
+        *percentiles("at rest: pads' force against weight", pads, {50: 1.0, 95: 5.0}),
+        *percentiles("at rest: pads' moment about the COM, of weight x 1 cm", moments, {50: 5.0}),
+        *percentiles("at rest: wrist less tool weight against weight", wrist, {50: 2.0}),
+    ]
+
+
+def in_motion(episodes: Iterable[Episode]) -> list[Figure]:
+    """Compare the pads' force with m (a - g) at each step of lift and shake, in per cent of m g.
+
+    The episodes must be recorded at every physics step; the acceleration is the second difference
+    of the centre of mass, which is what the engine's integrator makes of the force.
+    """
+    residuals: list[float] = []
+    for episode in episodes:
+        streams = episode.streams
+        com = _com(episode)
+        period = float(streams["timestamp"][1] - streams["timestamp"][0])
+        acceleration = np.zeros_like(com)
+        acceleration[1:-1] = (com[2:] - 2.0 * com[1:-1] + com[:-2]) / period**2
+        moving = np.isin(streams["phase"], (Phase.LIFT, Phase.SHAKE))
+        moving &= com[:, 2] > episode.columns["rest_height"] + CLEAR
+        moving &= touching(streams).all(axis=1)
+        moving[[0, -1]] = False
+        # Step k moves the body from k - 1 to k with the force of k: its acceleration is centred
+        # on k - 1.
+        records = np.flatnonzero(moving)
+        force, _ = _on_target(episode, records)
+        weight = _weight(episode)
+        mass = float(episode.columns["object_mass"])
+        expected = mass * acceleration[records - 1] + np.array([0.0, 0.0, weight])
+        residuals.extend(100.0 * np.linalg.norm(force - expected, axis=1) / weight)
+    return percentiles("lift and shake: pads' force against m (a - g)", residuals, {95: 10.0})
+
+
+def _rest_records(episode: Episode) -> Indices:
+    streams = episode.streams
+    speed = np.zeros(len(streams["timestamp"]))
+    if len(speed) > 1:
+        speed = np.linalg.norm(np.gradient(_com(episode), streams["timestamp"], axis=0), axis=1)
+    return np.flatnonzero((streams["phase"] == Phase.HOLD) & (speed < STILL))
+
+
+def _com(episode: Episode) -> Array:
+    return target_com(episode.streams, np.asarray(episode.columns["object_com"])[0])
+
+
+def _weight(episode: Episode) -> float:
+    return float(episode.columns["object_mass"]) * episode.spec.physics.gravity
+
+
+def _rotations(episode: Episode, records: Indices) -> Array:
+    quats = episode.streams["tcp_pose"][records, 3:].astype(np.float64)
+    return np.array([quat_xyzw_to_matrix(quat) for quat in quats]).reshape(-1, 3, 3)
+
+
+def _on_target(episode: Episode, records: Indices) -> tuple[Array, Array]:
+    """Return force (n, 3) and moment about the COM (n, 3) of the pads on the target, world."""
+    streams = {name: values[records] for name, values in episode.streams.items()}
+    R = _rotations(episode, records)
+    on_target = (streams["tactile_body"] == Label.TARGET)[..., None]
+    force = np.where(on_target, -streams["tactile_force"].astype(np.float64), 0.0)
+    points = np.where(on_target, streams["tactile_position"].astype(np.float64), 0.0)
+    half = streams["gripper_width"].astype(np.float64)[:, None] / 2.0
+    points[:, 0, :, 1] += half  # pad frames sit half the width to either side of the TCP
+    points[:, 1, :, 1] -= half
+    offset = _com(episode)[records] - streams["tcp_pose"][:, :3].astype(np.float64)
+    com = np.einsum("nji,nj->ni", R, offset)
+    moment = np.cross(points - com[:, None, None], force) * on_target
+    total = np.einsum("nij,nj->ni", R, force.sum(axis=(1, 2)))
+    return total, np.einsum("nij,nj->ni", R, moment.sum(axis=(1, 2)))
+
+
+def _external_load(episode: Episode, records: Indices) -> Array:
+    """Return what the wrist feels beyond the tool, force (n, 3), world."""
+    robot = ROBOTS[episode.spec.robot]
+    R = _rotations(episode, records)
+    wrench = episode.streams["wrist_wrench"][records].astype(np.float64)
+    gravity = (0.0, 0.0, -episode.spec.physics.gravity)
+    rest = compensate_gravity(wrench, R, robot.tool_mass, robot.tool_com, gravity)
+    return np.asarray(np.einsum("nij,nj->ni", R, rest[:, :3]))
