@@ -20,6 +20,9 @@ README = ROOT / "README.md"
 TABLE = re.compile(r"(<!-- schema: .*? -->\n).*?(<!-- end of schema -->)", re.DOTALL)
 
 
+EXAMPLE = re.compile(r"```python\n(.*?)```", re.DOTALL)
+
+
 def with_table(text: str) -> str:
     return TABLE.sub(lambda m: f"{m[1]}{schema.markdown_table()}\n{m[2]}", text)
 
@@ -45,11 +48,9 @@ def test_the_example_policy_works_as_printed():
     with World() as world:
         scene = build_scene(world, cube_spec())
         view = observe(scene, take_images(scene))
-    code = re.findall(r"```python\n(def plan.*?)```", README.read_text(), re.DOTALL)[0]
-    scope: dict[str, object] = {"np": np}
-    exec("from __future__ import annotations\n"
-         "from grasp_factory.episode import Grasp, GraspPlan\n"
-         "from grasp_factory.policies.base import *\n" + code, scope)  # fmt: skip
+    code = next(c for c in EXAMPLE.findall(README.read_text()) if "def plan" in c)
+    scope: dict[str, object] = {}
+    exec(f"from __future__ import annotations\n{code}", scope)  # MyParameters is the reader's
     plan = scope["plan"](view, np.random.default_rng(0), None)
     aim = plan.grasps[0].T_world_tcp[:2, 3]
     assert aim == pytest.approx([0.55, 0.05], abs=0.03)
