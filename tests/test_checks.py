@@ -70,6 +70,18 @@ def test_an_imu_half_a_percent_off_is_found(successes):
     assert not any(figure.passes for figure in inertial.at_rest(wrong))
 
 
+def test_the_imus_noise_has_the_densities_of_its_model(monkeypatch):
+    figures = inertial.noise_model()
+    assert all(figure.passes for figure in figures), figures_text(figures)
+    gyroscope = dataclasses.replace(inertial.BMI088.gyroscope, noise_density=(2e-4,) * 3)
+    louder = dataclasses.replace(inertial.BMI088, gyroscope=gyroscope)
+    reading = inertial.apply_imu_noise
+    monkeypatch.setattr(
+        inertial, "apply_imu_noise", lambda noise, *a, **k: reading(louder, *a, **k)
+    )
+    assert [figure.passes for figure in inertial.noise_model()] == [True, False]
+
+
 def test_overlaps_beyond_a_millimetre_are_found(successes):
     assert all(figure.passes for figure in labels.overlaps(successes))
     for column in ("max_penetration", "table_penetration"):
@@ -109,5 +121,5 @@ def test_bounds_are_said_in_words():
 @pytest.mark.slow
 def test_the_short_check_passes_on_this_machine():
     figures = list(check_physics(SHORT))
-    assert len(figures) == 9
+    assert len(figures) == 11
     assert all(figure.passes for figure in figures), figures_text(figures)

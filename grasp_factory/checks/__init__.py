@@ -49,6 +49,7 @@ def check_physics(
         successes = [episode for episode in default if episode.success]
         yield from held.at_rest(successes)
         yield from inertial.at_rest(successes)
+        yield from inertial.noise_model()
         yield from labels.overlaps(default)
         on_part(f"{effort.stepwise} episodes recorded at every step")
         yield from held.in_motion(_successes(world, _stepwise_config(), effort.stepwise))
