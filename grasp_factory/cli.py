@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -293,10 +293,9 @@ def _print_json(record: Any) -> None:
 
 
 def _print_table(table: Mapping[str, Any], as_json: bool) -> None:
-    rows: Iterable[tuple[str, str]] = [(name, row.description) for name, row in table.items()]
+    rows = {name: row.description for name, row in table.items()}
     if as_json:
-        _print_json(dict(rows))
-        return
-    width = max(len(name) for name in table)
-    for name, description in rows:
-        click.echo(f"{name.ljust(width)}  {description}")
+        _print_json(rows)
+    else:
+        width = max(map(len, rows))
+        click.echo("\n".join(f"{name.ljust(width)}  {text}" for name, text in rows.items()))
