@@ -127,7 +127,7 @@ class FactoryConfig:
         # Each motion may be rounded up to the control rate.
         motions = len(Phase) + SHAKE_MOTIONS * len(self.shake.levels)
         rounding = motions / self.physics.control_hz
-        seconds = self.motion.longest_s + self.shake.longest_s + rounding
+        seconds = self.motion.longest_s + self.shake.longest_s(self.physics.control_hz) + rounding
         return math.ceil(seconds * self.record_hz)
 
     @classmethod

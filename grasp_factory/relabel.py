@@ -58,6 +58,12 @@ def relabel(path: Path, name: str, thresholds: LabelConfig) -> Relabelled:
             f"min_shake: got {thresholds.min_shake}, valid: 0 to {strongest}, the strongest level"
             f" that {path} was shaken with"
         )
+    lifted = dataset.config.motion.lift_height
+    if thresholds.min_lift >= lifted:
+        raise UsageError(
+            f"min_lift: got {thresholds.min_lift}, valid: less than {lifted} m, which is how far"
+            f" {path} was lifted"
+        )
     with StoreLock(path):
         before = dataset.column("outcome")
         after = np.full(len(dataset), NOT_LABELLED, np.uint8)

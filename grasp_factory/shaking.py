@@ -9,7 +9,7 @@ import numpy as np
 from grasp_factory.geometry import Array
 from grasp_factory.kinematics import Chain
 from grasp_factory.motion import Trajectory
-from grasp_factory.sections import ShakeConfig
+from grasp_factory.sections import SHORTEST_CYCLE, ShakeConfig
 
 STANDARD_GRAVITY = 9.80665
 """m/s2, the unit of a level (BIPM)."""
@@ -51,7 +51,7 @@ def _pulse(posture: Array, joints: Array, seconds: float, rates: tuple[int, int]
     It takes a whole number of control periods, at least four, else no longer than ``seconds``.
     """
     hz, control_hz = rates
-    steps = max(4, math.floor(seconds * control_hz)) * (hz // control_hz)
+    steps = max(SHORTEST_CYCLE, math.floor(seconds * control_hz)) * (hz // control_hz)
     duration = steps / hz
     position, speed = _shape(np.arange(1, steps + 1) / steps)
     amplitude = joints * duration**2 / _PEAK

@@ -45,12 +45,17 @@ def test_the_same_thresholds_give_the_same_labels(store):
     assert np.array_equal(dataset.label("again"), dataset.column("outcome"))
 
 
-def test_a_higher_lift_than_any_leaves_no_success(store):
-    done = relabel(store, "higher", LabelConfig(min_lift=0.45))
+def test_a_firmer_grip_than_any_leaves_no_success(store):
+    done = relabel(store, "firmer", LabelConfig(min_grip_force=100.0))
     assert done.successes == 0
     assert done.successes_before > 0
-    labels = Dataset.open(store).label("higher")
+    labels = Dataset.open(store).label("firmer")
     assert not (labels == Outcome.SUCCESS).any()
+
+
+def test_a_lift_that_no_attempt_made_cannot_be_asked_for(store):
+    with pytest.raises(UsageError, match=r"min_lift: got 0.3, valid: less than 0.2 m"):
+        relabel(store, "higher", LabelConfig(min_lift=0.3))
 
 
 def test_what_moved_in_the_hand_becomes_unstable(store):
@@ -83,11 +88,11 @@ def test_the_thresholds_stand_beside_the_label(store):
 def test_a_name_is_taken_once(store):
     relabel(store, "mine", LabelConfig())
     with pytest.raises(UsageError, match="has a label 'mine' already"):
-        relabel(store, "mine", LabelConfig(min_lift=0.2))
+        relabel(store, "mine", LabelConfig(min_lift=0.15))
     assert Dataset.open(store).labels == ["mine"]
 
 
-@pytest.mark.parametrize("name", ["", "a b", "../x", "a/b", ".x"])
+@pytest.mark.parametrize("name", ["", "a b", "../x", "a/b", ".x", "x" * 300])
 def test_a_name_that_is_no_word_is_refused(store, name):
     with pytest.raises(UsageError, match="valid: letters, digits and _"):
         relabel(store, name, LabelConfig())
@@ -105,7 +110,7 @@ def test_an_unknown_label_is_named(store):
 
 def test_the_command_does_it_and_says_so(store):
     command = [sys.executable, "-m", "grasp_factory", "relabel", str(store), "--name", "cli",
-               "--min-lift", "0.3"]  # fmt: skip
+               "--min-grip-force", "100"]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.startswith(f"labels/cli: 0 successes of {EPISODES} episodes")
     command = [*command[:6], "other", "--min-shake", "0", "--json"]

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from scenes import SMALL, cube_spec
 
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import ConfigError
 from grasp_factory.outcome import Outcome, Phase
 from grasp_factory.robots import ROBOTS, arm_chain
 from grasp_factory.rollout import run_episode
-from grasp_factory.sections import LabelConfig, ShakeConfig
+from grasp_factory.sections import LabelConfig, PhysicsConfig, ShakeConfig
 from grasp_factory.shaking import STANDARD_GRAVITY, plan_shake
 from grasp_factory.world import World
 
@@ -91,3 +93,29 @@ def test_without_levels_the_attempt_ends_with_the_hold(world):
     episode = run_episode(world, calm)
     assert episode.success
     assert episode.streams["phase"][-1] == Phase.HOLD
+
+
+@pytest.mark.parametrize("level", [0.7, 0.9, 1.3])
+def test_a_level_that_no_short_float_holds_is_survived_all_the_same(world, level):
+    shake, label = ShakeConfig(levels=(level,)), LabelConfig(min_shake=level)
+    episode = run_episode(world, cube_spec(shake=shake, label=label))
+    assert episode.columns["shake_level"] == level
+    assert episode.success
+
+
+def test_the_streams_have_room_for_the_slowest_shake():
+    physics = PhysicsConfig(free_hz=70, contact_hz=980)
+    levels = tuple(0.1 * i for i in range(1, 11))
+    shake = ShakeConfig(levels=levels, cycle_s=0.05)
+    config = FactoryConfig(physics=physics, shake=shake, record_hz=10)
+    chain, home = arm_chain(ROBOTS["panda"]), np.array(ROBOTS["panda"].home)
+    rates = (physics.contact_hz, physics.control_hz)
+    motions = [m for level in levels for m in plan_shake(chain, home, level, shake, rates)]
+    seconds = sum(len(motion.positions) for motion in motions) / physics.contact_hz
+    assert seconds <= shake.longest_s(physics.control_hz)
+    assert config.longest_attempt > seconds * config.record_hz
+
+
+def test_levels_that_the_arm_cannot_follow_are_refused():
+    with pytest.raises(ConfigError, match=r"levels: got \[1.0, 50.0\], valid: up to 3.0"):
+        ShakeConfig(levels=(1.0, 50.0))

@@ -29,5 +29,5 @@ class Clock(Sensor):
         return {
             "timestamp": np.array(self._timestamps, np.float64),
             "phase": np.array(self._phases, np.uint8),
-            "shake_level": np.array(self._levels, np.float32),
+            "shake_level": np.array(self._levels, np.float64),
         }

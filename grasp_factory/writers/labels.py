@@ -17,6 +17,7 @@ from grasp_factory.outcome import Outcome, names
 from grasp_factory.writers.files import fsync_tree
 from grasp_factory.writers.header import open_store
 
+LONGEST_NAME = 64
 NOT_LABELLED = 255
 """Outcome of rows that held no episode when the label was made."""
 
@@ -29,8 +30,9 @@ def write_label(
     Raises:
         UsageError: if the name is no identifier, or the store has a label of that name.
     """
-    if not name.isidentifier():
-        raise UsageError(f"label name {name!r}, valid: letters, digits and _")
+    if not name.isidentifier() or len(name) > LONGEST_NAME:
+        valid = f"letters, digits and _, at most {LONGEST_NAME}"
+        raise UsageError(f"label name {name[:LONGEST_NAME]!r}, valid: {valid}")
     if (path / "labels" / name).exists():
         raise UsageError(f"{path} has a label {name!r} already: choose another name")
     root, _ = open_store(path, mode="r+")
