@@ -82,7 +82,7 @@ def cli(ctx: click.Context) -> None:
 @click.option(
     "--physics",
     type=click.Choice(sorted(PHYSICS_PRESETS)),
-    help="fast takes a quarter less time; its labels flatter by a point or two.  [default: default]",
+    help="fast saves a quarter of the time; labels flatter by a point or two.  [default: default]",
 )
 @click.option(
     "--record-hz", type=int, help=f"Of the streams.  [default: {DEFAULTS.config.record_hz}]"
