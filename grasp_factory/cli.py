@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -256,9 +255,15 @@ def _add_listing(name: str, help: str) -> None:
     @cli.command(name, help=help)
     @AS_JSON
     def listing(as_json: bool) -> None:
+        from grasp_factory.report import table
+
         module = import_module(f"grasp_factory.{name}")
-        table = getattr(module, {"objects": "OBJECT_SETS"}.get(name, name.upper()))
-        _print_table(table, as_json)
+        entries = getattr(module, {"objects": "OBJECT_SETS"}.get(name, name.upper()))
+        rows = {key: entry.description for key, entry in entries.items()}
+        if as_json:
+            _print_json(rows)
+        else:
+            click.echo(table(rows.items()))
 
 
 _add_listing("robots", "List the robots.")
@@ -290,12 +295,3 @@ def _stopped(request: Request, why: KeyboardInterrupt) -> NoReturn:
 
 def _print_json(record: Any) -> None:
     click.echo(json.dumps(to_plain(record), indent=2))
-
-
-def _print_table(table: Mapping[str, Any], as_json: bool) -> None:
-    rows = {name: row.description for name, row in table.items()}
-    if as_json:
-        _print_json(rows)
-    else:
-        width = max(map(len, rows))
-        click.echo("\n".join(f"{name.ljust(width)}  {text}" for name, text in rows.items()))

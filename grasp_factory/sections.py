@@ -23,6 +23,8 @@ MAX_CLOSING_STROKE = 0.06
 """Metres: no gripper of the table has fingers that travel farther."""
 SLOWEST_FINGERS = 0.05
 """m/s: no gripper of the table has fingers whose greatest speed is less."""
+STANDARD_GRAVITY = 9.80665
+"""m/s2: the g of shake levels and of datasheets (ISO 80000-3)."""
 STRONGEST_SHAKE = 3.0
 """Level beyond which the arm would not follow."""
 SHORTEST_CYCLE = 4

@@ -9,10 +9,7 @@ import numpy as np
 from grasp_factory.geometry import Array
 from grasp_factory.kinematics import Chain
 from grasp_factory.motion import Trajectory
-from grasp_factory.sections import SHORTEST_CYCLE, ShakeConfig
-
-STANDARD_GRAVITY = 9.80665
-"""m/s2, the unit of a level (BIPM)."""
+from grasp_factory.sections import SHORTEST_CYCLE, STANDARD_GRAVITY, ShakeConfig
 
 
 def plan_shake(

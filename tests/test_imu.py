@@ -38,7 +38,6 @@ def test_at_rest_it_reads_gravity_upwards_within_a_thousandth(episode):
 
 
 def test_integrated_twice_it_gives_the_way_of_the_lift(episode):
-    lift = np.isin(np.arange(episode.n_imu), np.flatnonzero(during(episode, Phase.LIFT)))
     times = episode.streams["timestamp"][episode.streams["phase"] == Phase.LIFT]
     lift = (episode.imu["timestamp"] > times[0] - 1 / 120) & (
         episode.imu["timestamp"] <= times[-1] + 0.1

@@ -17,9 +17,7 @@ from numpy.typing import ArrayLike
 
 from grasp_factory.errors import UsageError
 from grasp_factory.geometry import Array
-
-STANDARD_GRAVITY = 9.80665
-"""m/s2: the g of datasheets (ISO 80000-3)."""
+from grasp_factory.sections import STANDARD_GRAVITY
 
 _Triple = tuple[float, float, float]
 
