@@ -69,8 +69,7 @@ def _sample_object(
     config: FactoryConfig, objects: np.random.Generator, pose: np.random.Generator
 ) -> ObjectSpec:
     name = _draw_name(config.object_sets, objects)
-    models = list(lookup(OBJECT_SETS, "object set", name).models.values())
-    model = models[int(objects.integers(len(models)))]
+    model = lookup(OBJECT_SETS, "object set", name).draw(objects)
     return ObjectSpec(
         object_set=name,
         object_id=model.object_id,

@@ -13,7 +13,7 @@ from grasp_factory.camera import Camera
 from grasp_factory.episode import CameraImage, EpisodeSpec, SceneView
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.geometry import Array
-from grasp_factory.objects import OBJECT_SETS
+from grasp_factory.objects import OBJECT_SETS, UrdfFile
 from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS, Robot
 from grasp_factory.sections import CameraConfig, WorkspaceConfig
@@ -138,9 +138,11 @@ def _background(world: World, spec: EpisodeSpec, camera: Camera) -> Render:
 
 def _load_object(world: World, spec: EpisodeSpec, i: int) -> int:
     recipe = spec.objects[i]
-    models = lookup(OBJECT_SETS, "object set", recipe.object_set).models
-    model = lookup(models, f"object of set {recipe.object_set!r}", recipe.object_id)
-    body = world.load_urdf(DATA / model.urdf, recipe.drop_pose, fixed=False)
+    model = lookup(OBJECT_SETS, "object set", recipe.object_set).model(recipe.object_id)
+    if isinstance(model.body, UrdfFile):
+        body = world.load_urdf(DATA / model.body.path, recipe.drop_pose, fixed=False)
+    else:
+        body = world.add_compound(model.body, recipe.drop_pose, mass=recipe.mass)
     world.change_dynamics(body, -1, mass=recipe.mass)
     world.change_dynamics(
         body, -1, lateralFriction=recipe.lateral_friction, spinningFriction=0.0, rollingFriction=0.0

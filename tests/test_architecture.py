@@ -25,8 +25,8 @@ README = PACKAGE.parent / "README.md"
 # A module may import from the layers above it in this list, never from its own or below.
 LAYERS = (
     ("errors", "geometry", "gripper", "outcome"),
-    ("camera", "kinematics", "objects", "records"),
-    ("ik", "sections"),
+    ("camera", "kinematics", "records"),
+    ("ik", "objects", "sections"),
     ("config", "yamltext"),
     ("labels", "request", "schema"),
     ("conditions", "episode", "runlog", "signals"),

@@ -171,7 +171,7 @@ class TestRecipe:
     def test_the_object_is_described_as_in_its_set(self) -> None:
         for spec in specs(CONFIG):
             (target,) = spec.objects
-            model = OBJECT_SETS[target.object_set].models[target.object_id]
+            model = OBJECT_SETS[target.object_set].model(target.object_id)
             for name in ("split", "mass", "lateral_friction"):
                 assert getattr(target, name) == getattr(model, name)
 
@@ -181,7 +181,7 @@ class TestRecipe:
     ) -> None:
         space = WorkspaceConfig()
         (target,) = sample_spec(FactoryConfig(seed=seed), index).objects
-        model = OBJECT_SETS[target.object_set].models[target.object_id]
+        model = OBJECT_SETS[target.object_set].model(target.object_id)
         corners = apply(target.drop_pose.matrix(), model.corners())
         lowest = corners[:, 2].min()
         assert space.drop_height[0] - 1e-9 <= lowest <= space.drop_height[1] + 1e-9

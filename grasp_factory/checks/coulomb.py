@@ -40,7 +40,7 @@ def _stays(world: World, force: float) -> bool:
 def _recipe(force: float) -> EpisodeSpec:
     """Return a slow lift of a cube whose weight the friction just carries."""
     spec = sample_spec(FactoryConfig(policies={"top_down": 1.0}), 0)
-    model = OBJECT_SETS["classic"].models["classic/cube"]
+    model = OBJECT_SETS["classic"].model("classic/cube")
     mass = 2.0 * model.lateral_friction * EXPECTED_FORCE / spec.physics.gravity
     cube = ObjectSpec(
         object_set="classic",

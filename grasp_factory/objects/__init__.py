@@ -4,10 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from grasp_factory.objects.base import ObjectModel, ObjectSet
+from grasp_factory.objects.base import (
+    MAX_PARTS,
+    Compound,
+    FiniteSet,
+    ObjectModel,
+    ObjectSet,
+    Part,
+    UrdfFile,
+)
 from grasp_factory.objects.blobs import BLOBS
 from grasp_factory.objects.classic import CLASSIC
+from grasp_factory.objects.visual import visual_parts
 
 OBJECT_SETS: Mapping[str, ObjectSet] = {s.name: s for s in (BLOBS, CLASSIC)}
 
-__all__ = ["OBJECT_SETS", "ObjectModel", "ObjectSet"]
+__all__ = [
+    "MAX_PARTS",
+    "OBJECT_SETS",
+    "Compound",
+    "FiniteSet",
+    "ObjectModel",
+    "ObjectSet",
+    "Part",
+    "UrdfFile",
+    "visual_parts",
+]

@@ -2,16 +2,58 @@
 
 from __future__ import annotations
 
+import abc
 import hashlib
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from grasp_factory.geometry import Array
+from grasp_factory.errors import lookup
+from grasp_factory.geometry import IDENTITY, Array, Pose
 
 Vector3 = tuple[float, float, float]
+
+MAX_PARTS = 16
+"""Collision parts of a compound; with more, PyBullet 3.2.7 crashes the process."""
+PRIMITIVES = ("box", "sphere", "cylinder", "capsule")
+"""Shapes that the engine knows exactly; cylinders and capsules stand along z."""
+GREY = (0.6, 0.6, 0.6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A convex solid, or several in one mesh file, fixed in an object."""
+
+    shape: str
+    """One of ``PRIMITIVES``, or the path of an OBJ file whose every ``o`` group is convex."""
+    size: Vector3
+    """Sides of a primitive's bounding box, metres; of a mesh file, the scale of its axes."""
+    pose: Pose = IDENTITY
+    """In the object's own frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrdfFile:
+    """A body that ``pybullet_data`` ships; the engine's loader sees to shapes and inertia."""
+
+    path: str
+    """Inside ``pybullet_data``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compound:
+    """A rigid body put together from parts, with exact mass properties."""
+
+    parts: tuple[Part, ...]
+    """What collides, up to ``MAX_PARTS``."""
+    visual: tuple[Part, ...] = ()
+    """What is seen; the parts themselves where this is empty."""
+    inertial_frame: Pose = IDENTITY
+    """Centre of mass and principal axes, in the object's own frame."""
+    gyration_squared: Vector3
+    """Principal moments of inertia over the mass, m2, along the inertial frame's axes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,23 +61,29 @@ class ObjectModel:
     """One object that can be dropped."""
 
     object_id: str
-    """Unique over all sets."""
-    urdf: str
-    """Path inside ``pybullet_data``."""
+    """Unique over all sets; it begins with the set's name and a slash."""
+    family: str
+    """The kind of shape, a word: box, mug, blob."""
+    body: UrdfFile | Compound
     lower: Vector3
     """Corner of the bounding box in the object's own frame, metres."""
     upper: Vector3
     mass: float
     """kg."""
     lateral_friction: float
+    color: Vector3 | None = None
+    """RGB in 0 to 1; None where the body's file has colours of its own."""
+    split_by: str = ""
+    """What the split hangs on, where two ids may stand for one object; the id otherwise."""
 
     @property
     def split(self) -> str:
         """``train``, ``val`` or ``test`` (80, 10, 10 %).
 
-        It hangs on the id alone, so that it stays when a set grows.
+        It hangs on the object alone, so that it stays when a set grows.
         """
-        share = int.from_bytes(hashlib.sha256(self.object_id.encode()).digest()[:8]) / 2**64
+        key = self.split_by or self.object_id
+        share = int.from_bytes(hashlib.sha256(key.encode()).digest()[:8]) / 2**64
         return "train" if share < 0.8 else "val" if share < 0.9 else "test"
 
     def corners(self) -> Array:
@@ -43,11 +91,58 @@ class ObjectModel:
         return np.array(list(itertools.product(*zip(self.lower, self.upper, strict=True))))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObjectSet:
-    """A named family of objects."""
+class ObjectSet(abc.ABC):
+    """A named set of objects, finite or not."""
 
     name: str
     description: str
-    models: Mapping[str, ObjectModel]
+
+    @property
+    @abc.abstractmethod
+    def families(self) -> tuple[str, ...]:
+        """Every family there is in the set, sorted."""
+
+    @property
+    @abc.abstractmethod
+    def size(self) -> int | None:
+        """How many objects there are; None for no end of them."""
+
+    @abc.abstractmethod
+    def draw(self, rng: np.random.Generator) -> ObjectModel:
+        """Draw an object; the same generator state gives the same one."""
+
+    @abc.abstractmethod
+    def model(self, object_id: str) -> ObjectModel:
+        """Return an object by its id.
+
+        Raises:
+            UnknownNameError: if the set has no such object.
+        """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FiniteSet(ObjectSet):
+    """A set whose objects are listed; each is as likely as the others."""
+
+    name: str
+    description: str
+    models: Mapping[str, ObjectModel] = field(repr=False)
     """By object id, in a fixed order."""
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """See ``ObjectSet.families``."""
+        return tuple(sorted({model.family for model in self.models.values()}))
+
+    @property
+    def size(self) -> int:
+        """See ``ObjectSet.size``."""
+        return len(self.models)
+
+    def draw(self, rng: np.random.Generator) -> ObjectModel:
+        """See ``ObjectSet.draw``."""
+        return list(self.models.values())[int(rng.integers(len(self.models)))]
+
+    def model(self, object_id: str) -> ObjectModel:
+        """See ``ObjectSet.model``."""
+        return lookup(self.models, f"object of set {self.name!r}", object_id)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from importlib import resources
 
-from grasp_factory.objects.base import ObjectModel, ObjectSet
+from grasp_factory.objects.base import FiniteSet, ObjectModel, UrdfFile
 
 SMALLEST_SIDE = (0.015, 0.075)
 """Metres. Thinner ones lie flat under the fingertips; thicker ones fit no gripper of the table."""
@@ -28,7 +28,8 @@ def _models() -> dict[str, ObjectModel]:
         if SMALLEST_SIDE[0] <= small <= SMALLEST_SIDE[1] and middle <= LARGEST_MIDDLE_SIDE:
             model = ObjectModel(
                 object_id=f"blobs/{row['id']}",
-                urdf=f"random_urdfs/{row['id']}/{row['id']}.urdf",
+                family="blob",
+                body=UrdfFile(path=f"random_urdfs/{row['id']}/{row['id']}.urdf"),
                 lower=lower,
                 upper=upper,
                 mass=0.1,  # of every random_urdfs file
@@ -38,7 +39,7 @@ def _models() -> dict[str, ObjectModel]:
     return models
 
 
-BLOBS = ObjectSet(
+BLOBS = FiniteSet(
     name="blobs",
     description="irregular shapes (pybullet_data's random_urdfs) that fit between the fingers",
     models=_models(),

@@ -1,4 +1,4 @@
-"""The only module that knows PyBullet: one DIRECT client behind a small typed face.
+"""One DIRECT client of PyBullet behind a small typed face.
 
 What is known to trap people is settled here, once: settings that survive a reset, contact rows
 whose order is not by id, link states that lag a step, frames at the centre of mass.
@@ -6,9 +6,8 @@ whose order is not by id, link states that lag a step, frames at the centre of m
 
 from __future__ import annotations
 
-import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,27 +18,11 @@ from numpy.typing import NDArray
 from grasp_factory.camera import Camera, Light
 from grasp_factory.errors import GraspFactoryError, RecipeError
 from grasp_factory.geometry import Pose
+from grasp_factory.objects import Compound
 from grasp_factory.sections import PhysicsConfig
+from grasp_factory.world.engine import DATA, muted, p
+from grasp_factory.world.solids import create_compound
 
-
-@contextlib.contextmanager
-def _muted(fd: int) -> Iterator[None]:
-    """Send a file descriptor to nowhere: the library prints from C, past ``sys.stdout``."""
-    saved = os.dup(fd)
-    try:
-        with open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), fd)
-        yield
-    finally:
-        os.dup2(saved, fd)
-        os.close(saved)
-
-
-with _muted(2):  # "pybullet build time: ..."
-    import pybullet as p
-    import pybullet_data
-
-DATA = Path(pybullet_data.getDataPath())
 CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so it is set at each one
 
 Row = tuple[Any, ...]
@@ -101,7 +84,15 @@ class World:
         """Set the step rate; it may change inside an episode."""
         p.setTimeStep(1.0 / hz, physicsClientId=self._client)
 
-    def load_urdf(self, path: Path, pose: Pose, *, fixed: bool, file_inertia: bool = False) -> int:
+    def load_urdf(
+        self,
+        path: Path,
+        pose: Pose,
+        *,
+        fixed: bool,
+        file_inertia: bool = False,
+        scale: float = 1.0,
+    ) -> int:
         """Load a URDF with its own frame at ``pose`` and return the body.
 
         ``package://pybullet_data/`` in the file stands for that package's folder.
@@ -112,21 +103,40 @@ class World:
         self._refuse_when_sealed("load a body")
         flags = p.URDF_USE_INERTIA_FROM_FILE if file_inertia else 0
         try:
-            with _muted(1):
+            with muted(1):
                 body: int = p.loadURDF(
                     _with_packages(path),
                     pose.position,
                     pose.quat_xyzw,
                     useFixedBase=fixed,
                     flags=flags,
+                    globalScaling=scale,
                     physicsClientId=self._client,
                 )
         except (p.error, OSError) as error:
             raise RecipeError(f"{path.name} cannot be loaded: {error}") from None
-        for link in range(-1, p.getNumJoints(body, physicsClientId=self._client)):
-            # Bullet damps every body's motion by default (0.04); physics here has no such air.
-            self.change_dynamics(body, link, linearDamping=0.0, angularDamping=0.0)
+        self._undamp(body)
         return body
+
+    def add_compound(
+        self,
+        body: Compound,
+        pose: Pose,
+        *,
+        mass: float,
+        scale: float = 1.0,
+        rgba: Sequence[float] = (0.6, 0.6, 0.6, 1.0),
+    ) -> int:
+        """Create a body from parts with its own frame at ``pose`` and return it.
+
+        Raises:
+            RecipeError: if it has too many parts, or a mesh file cannot be loaded.
+        """
+        self._refuse_when_sealed("add a body")
+        with muted(1):
+            created = create_compound(self._client, body, pose, mass=mass, scale=scale, rgba=rgba)
+        self._undamp(created)
+        return created
 
     def add_box(
         self,
@@ -144,7 +154,7 @@ class World:
             p.GEOM_BOX, halfExtents=half_extents, rgbaColor=rgba, physicsClientId=client
         )
         body: int = p.createMultiBody(mass, shape, visual, position, physicsClientId=client)
-        self.change_dynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
+        self._undamp(body)
         return body
 
     def hide(self, body: int) -> None:
@@ -287,6 +297,11 @@ class World:
             physicsClientId=self._client,
         )
         return rgba[..., :3], zbuffer, mask
+
+    def _undamp(self, body: int) -> None:
+        """Take away the damping that Bullet gives every link (0.04): there is no such air here."""
+        for link in (-1, *self._joint_range(body)):
+            self.change_dynamics(body, link, linearDamping=0.0, angularDamping=0.0)
 
     def _info(self, body: int, joint: int) -> Row:
         return tuple(p.getJointInfo(body, joint, physicsClientId=self._client))

@@ -1,0 +1,30 @@
+"""PyBullet itself, imported without its greeting, and a way to keep it quiet."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+
+@contextlib.contextmanager
+def muted(fd: int) -> Iterator[None]:
+    """Send a file descriptor to nowhere: the library prints from C, past ``sys.stdout``."""
+    saved = os.dup(fd)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), fd)
+        yield
+    finally:
+        os.dup2(saved, fd)
+        os.close(saved)
+
+
+with muted(2):  # "pybullet build time: ..."
+    import pybullet as p
+    import pybullet_data
+
+DATA = Path(pybullet_data.getDataPath())
+
+__all__ = ["DATA", "muted", "p"]
