@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from grasp_factory.motion import GraspMotion, JointSegment, Trajectory, sample
 from grasp_factory.outcome import Phase
-from grasp_factory.scene import Scene
+from grasp_factory.scene import Scene, look
 from grasp_factory.sections import CLOSING_SETTLE_S
-from grasp_factory.sensors import SENSORS, Tick, WristImu
+from grasp_factory.sensors import SENSORS, Tick, Video, WristImu
 from grasp_factory.shaking import plan_shake
 from grasp_factory.world import Row
 
@@ -39,6 +39,7 @@ class Attempt:
         self._joint_targets: list[float] = list(scene.robot.model.home)
         self._width_target = scene.robot.model.gripper.max_width
         self._shake_level = 0.0
+        self._video = Video(lambda: look(scene))
         self._imu = WristImu(scene.world, scene.robot, physics.gravity)
         self.table_penetration = 0.0
         """Deepest overlap of the robot and the table at any record, metres."""
@@ -72,6 +73,13 @@ class Attempt:
     def imu(self) -> dict[str, NDArray[Any]]:
         """Return the IMU's series."""
         return self._imu.series()
+
+    def videos(self) -> dict[str, NDArray[Any]]:
+        """Return the videos; nothing where none was asked for."""
+        spec = self._scene.spec
+        if not spec.video_hz:
+            return {}
+        return self._video.series(dict.fromkeys(spec.cameras, spec.resolution))
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return everything recorded."""
@@ -157,6 +165,8 @@ class Attempt:
         time = self._clock / self._clock_hz
         if self._is_due(self._scene.spec.imu_hz):
             self._imu.sample(time)
+        if self._scene.spec.video_hz and self._is_due(self._scene.spec.video_hz):
+            self._video.sample(time)
         if not self._is_due(self._scene.spec.record_hz):
             return
         contacts = self._scene.world.contacts()
@@ -179,9 +189,9 @@ class Attempt:
         """Note how deep the robot is in the table at this record; its foot stands there."""
         robot = self._scene.robot.body
         for c in contacts:
-            if c[2] == self._scene.table and c[1] == robot and c[3] >= 0:
+            if c[2] == self._scene.stage.table and c[1] == robot and c[3] >= 0:
                 self.table_penetration = max(self.table_penetration, -c[8])
-            elif c[1] == self._scene.table and c[2] == robot and c[4] >= 0:
+            elif c[1] == self._scene.stage.table and c[2] == robot and c[4] >= 0:
                 self.table_penetration = max(self.table_penetration, -c[8])
 
     def _unexpected_contact(self) -> int | None:

@@ -6,6 +6,7 @@ Camera frames are OpenCV's (+x right, +y down, +z forward); ``opengl_view`` and
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +53,12 @@ class Camera:
     """Metres."""
     far: float
     """Metres."""
+
+    def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
+        """Return the camera that takes a part of this one's image, pixel for pixel."""
+        k = self.intrinsics
+        part = Intrinsics(width, height, k.fx, k.fy, k.cx - left, k.cy - top)
+        return dataclasses.replace(self, intrinsics=part)
 
     def opengl_view(self) -> Array:
         """Return the OpenGL view matrix (4, 4): world to camera with +y up, -z forward."""

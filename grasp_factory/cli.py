@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,19 +17,17 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from grasp_factory import __version__
-from grasp_factory.arguments import AS_JSON, STORE, Commands, indices, resolution, weighted
+from grasp_factory.arguments import AS_JSON, STORE, Commands, indices
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import Terminated
+from grasp_factory.options import dataset_options, request_from
 from grasp_factory.records import to_plain
-from grasp_factory.request import Request, resolve_request
-from grasp_factory.sections import PHYSICS_PRESETS
-from grasp_factory.yamltext import read_yaml
+from grasp_factory.request import Request
 
 if TYPE_CHECKING:
     from grasp_factory.factory import Summary
 
 DEFAULTS = Request(config=FactoryConfig())
-_SIZE = "x".join(str(side) for side in DEFAULTS.config.resolution)
 EXIT_DONE, EXIT_FAILURE, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
 
 
@@ -49,74 +48,20 @@ def cli(ctx: click.Context) -> None:
 @cli.command()
 @click.option("--n", type=int, help=f"Episodes that the store shall have.  [default: {DEFAULTS.n}]")
 @click.option(
-    "--seed", type=int, help=f"What all chance follows from.  [default: {DEFAULTS.config.seed}]"
-)
-@click.option(
     "--workers", type=int, help=f"Processes; 1 works without a pool.  [default: {DEFAULTS.workers}]"
 )
 @click.option("--out", type=click.Path(), help=f"The store.  [default: {DEFAULTS.out}]")
-@click.option("--robot", help=f"One of `grasp-factory robots`.  [default: {DEFAULTS.config.robot}]")
-@click.option(
-    "--policy",
-    "policies",
-    type=weighted,
-    metavar="NAME[:WEIGHT]",
-    multiple=True,
-    help="One of `grasp-factory policies`, with the weight of its share; repeatable.",
-)
-@click.option(
-    "--objects",
-    "object_sets",
-    type=weighted,
-    metavar="NAME[:WEIGHT]",
-    multiple=True,
-    help="One of `grasp-factory objects`, with the weight of its share; repeatable.",
-)
-@click.option(
-    "--resolution",
-    type=resolution,
-    metavar="WxH",
-    help=f"Of all images, pixels.  [default: {_SIZE}]",
-)
-@click.option(
-    "--physics",
-    type=click.Choice(sorted(PHYSICS_PRESETS)),
-    help="fast saves a quarter of the time; labels flatter by a point or two.  [default: default]",
-)
-@click.option(
-    "--record-hz", type=int, help=f"Of the streams.  [default: {DEFAULTS.config.record_hz}]"
-)
-@click.option(
-    "--set",
-    "assignments",
-    metavar="KEY=VALUE",
-    multiple=True,
-    help="Any config key, dotted, with a YAML value, such as motion.grip_force=30.",
-)
-@click.option(
-    "--config",
-    "file",
-    type=click.Path(path_type=Path),
-    help="YAML file with any of these settings; options win over it.",
-)
+@dataset_options
 @click.option("--print-config", is_flag=True, help="Print the settings as YAML and make nothing.")
 @click.option("--quiet", is_flag=True, help="Print errors only.")
 @AS_JSON
-def generate(
-    *, file: Path | None, assignments: tuple[str, ...], print_config: bool, quiet: bool,
-    as_json: bool, **flags: Any,
-) -> None:  # fmt: skip
+def generate(*, print_config: bool, quiet: bool, as_json: bool, **options: Any) -> None:
     """Make grasp episodes, or complete a store.
 
     The same settings give the same episodes, whatever the number of workers; what is there
     already stays as it is. So a run may be stopped, and started again with the same command.
     """
-    settings = {key: value for key, value in flags.items() if value not in (None, ())}
-    if "physics" in settings:
-        settings["physics"] = PHYSICS_PRESETS[settings["physics"]]
-    for key in {"policies", "object_sets"} & settings.keys():
-        settings[key] = dict(settings[key])
-    request = resolve_request(read_yaml(file) if file else {}, settings, assignments)
+    request = request_from(**options)
     if print_config:
         from grasp_factory.factory import check_names
 
@@ -229,6 +174,26 @@ def sheet(path: Path, out: Path, episodes: str | None, camera: str | None) -> No
     click.echo(out)
 
 
+@cli.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--n", type=int, default=24, show_default=True, help="Scenes.")
+@dataset_options
+def preview(out: Path, n: int, **options: Any) -> None:
+    """Draw scenes as they would be, without grasping.
+
+    The PNG image OUT gets the first scenes of a dataset with these settings, as the first camera
+    sees them before the attempt.
+    """
+    from grasp_factory.preview import draw_preview
+    from grasp_factory.sheet import check_png, write_png
+
+    check_png(out)
+    with click.progressbar(length=n, label="scenes", file=sys.stderr) as bar:
+        image = draw_preview(request_from(**options).config, n, lambda: bar.update(1))
+    write_png(out, image)
+    click.echo(out)
+
+
 @cli.command("check-physics")
 @click.option("--short", is_flag=True, help="A minute instead of ten: fewer episodes.")
 @AS_JSON
@@ -249,26 +214,55 @@ def check_physics(short: bool, as_json: bool) -> None:
     sys.exit(EXIT_DONE if all(f.passes for f in figures) else EXIT_FAILURE)
 
 
+@cli.command()
+@click.argument("folder", required=False, type=click.Path(path_type=Path))
+@click.option("--robot", default=DEFAULTS.config.robot, help="Whose gripper must hold them.")
+@AS_JSON
+@click.pass_context
+def objects(ctx: click.Context, folder: Path | None, robot: str, as_json: bool) -> None:
+    """List the sets of objects, or check a FOLDER of your own.
+
+    Every URDF, OBJ, STL and PLY file of the folder can be used or is refused with a reason;
+    exits with 1 if none can be used. `grasp-factory generate --objects FOLDER` drops them.
+    """
+    from grasp_factory.objects import OBJECT_SETS
+
+    if folder is None:
+        _print_listing({name: found.description for name, found in OBJECT_SETS.items()}, as_json)
+        return
+    from grasp_factory.folders import import_for
+    from grasp_factory.meshes import report_text
+
+    report = import_for(folder, robot)
+    if as_json:
+        _print_json(report)
+    else:
+        click.echo(report_text(report))
+    ctx.exit(EXIT_DONE if report.usable else EXIT_FAILURE)
+
+
 def _add_listing(name: str, help: str) -> None:
-    """Add a command that lists a table: ``robots``, ``policies`` or ``objects``."""
+    """Add a command that lists a table: ``robots``, ``policies`` or ``cameras``."""
 
     @cli.command(name, help=help)
     @AS_JSON
     def listing(as_json: bool) -> None:
-        from grasp_factory.report import table
-
-        module = import_module(f"grasp_factory.{name}")
-        entries = getattr(module, {"objects": "OBJECT_SETS"}.get(name, name.upper()))
-        rows = {key: entry.description for key, entry in entries.items()}
-        if as_json:
-            _print_json(rows)
-        else:
-            click.echo(table(rows.items()))
+        entries = getattr(import_module(f"grasp_factory.{name}"), name.upper())
+        _print_listing({key: entry.description for key, entry in entries.items()}, as_json)
 
 
 _add_listing("robots", "List the robots.")
 _add_listing("policies", "List the policies, which choose grasps from images.")
-_add_listing("objects", "List the sets of objects.")
+_add_listing("cameras", "List the cameras that have names.")
+
+
+def _print_listing(rows: Mapping[str, str], as_json: bool) -> None:
+    from grasp_factory.report import table
+
+    if as_json:
+        _print_json(rows)
+    else:
+        click.echo(table(rows.items()))
 
 
 def _generate(request: Request, *, quiet: bool) -> Summary:

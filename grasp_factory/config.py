@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
+from grasp_factory.cameras import CAMERAS
 from grasp_factory.errors import ConfigError, shown
 from grasp_factory.outcome import Phase
+from grasp_factory.randomize import RandomizeConfig
 from grasp_factory.records import (
     check,
     check_range,
@@ -24,6 +26,7 @@ from grasp_factory.records import (
 from grasp_factory.sections import (
     SHAKE_MOTIONS,
     CameraConfig,
+    ClutterConfig,
     LabelConfig,
     MotionConfig,
     PhysicsConfig,
@@ -53,30 +56,35 @@ def _settled(value: Any) -> Any:
     return value
 
 
-DEFAULT_CAMERAS = MappingProxyType(
-    {"front": CameraConfig(eye=(1.15, 0.0, 0.58), target=(0.52, 0.0, 0.10), fov_y_deg=36.0)}
-)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FactoryConfig:
     """Everything that decides the content of a dataset, apart from how many episodes it has."""
 
     seed: int = 0
     robot: str = "kuka_iiwa"
-    policies: Mapping[str, float] = field(default_factory=lambda: {"uniform": 3.0, "top_down": 2.0})
+    policies: Mapping[str, float] = field(default_factory=lambda: {"uniform": 3.0, "top_down": 1.0})
     """Policy name to weight: each episode draws one. The default gives about even classes."""
     policy_parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Policy name to settings of its own; what is left out takes the policy's default."""
-    object_sets: Mapping[str, float] = field(default_factory=lambda: {"blobs": 0.8, "classic": 0.2})
-    """Object set name to weight: each episode draws one."""
-    cameras: Mapping[str, CameraConfig] = field(default_factory=lambda: dict(DEFAULT_CAMERAS))
+    object_sets: Mapping[str, float] = field(
+        default_factory=lambda: {"procedural": 0.5, "blobs": 0.4, "classic": 0.1}
+    )
+    """Object set name to weight: each object is drawn from one of them."""
+    object_folders: Mapping[str, str] = field(default_factory=dict)
+    """User's object set to the SHA-256 of its contents (``grasp-factory objects DIR``)."""
+    clutter: ClutterConfig = field(default_factory=ClutterConfig)
+    cameras: Mapping[str, CameraConfig] = field(
+        default_factory=lambda: {"front": CAMERAS["front"].config}
+    )
     resolution: tuple[int, int] = (640, 480)
     """Image width and height, pixels."""
     record_hz: int = 120
     """Rate of the streams; divides both physics rates."""
     imu_hz: int = 400
     """Rate of the IMU; the nearest that fits the others is taken (``imu_rate``)."""
+    video_hz: int = 0
+    """Frames per second of the attempt that each camera keeps; divides the physics rates, 0 for
+    none."""
     block_size: int = 8
     """Episodes that one process makes and commits together."""
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
@@ -84,6 +92,7 @@ class FactoryConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     shake: ShakeConfig = field(default_factory=ShakeConfig)
     label: LabelConfig = field(default_factory=LabelConfig)
+    randomize: RandomizeConfig = field(default_factory=RandomizeConfig)
 
     def __post_init__(self) -> None:
         try:
@@ -95,6 +104,7 @@ class FactoryConfig:
         check_range(self, "block_size", 1, 1024)
         check_range(self, "record_hz", 10, 10_000, "Hz")  # labels are read from the records
         check_range(self, "imu_hz", 1, 10_000, "Hz")
+        check_range(self, "video_hz", 0, 240, "Hz")
         _check_weights("policies", self.policies)
         _check_weights("object_sets", self.object_sets)
         check(len(self.cameras) > 0, "cameras", {}, "at least one camera")
@@ -102,17 +112,35 @@ class FactoryConfig:
             check(name.isidentifier(), "cameras", name, "names of letters, digits and _")
         sides = [16 <= side <= 4096 for side in self.resolution]
         check(all(sides), "resolution", list(self.resolution), "16 to 4096 pixels a side")
-        for name in ("free_hz", "contact_hz"):
-            rate = getattr(self.physics, name)
-            valid = f"a divisor of physics.{name} ({rate})"
-            check(rate % self.record_hz == 0, "record_hz", self.record_hz, valid)
+        self._check_rate("record_hz")
+        if self.video_hz:
+            self._check_rate("video_hz")
+        self._check_randomize()
         valid = f"less than motion.lift_height ({self.motion.lift_height})"
         lift = self.label.min_lift
         check(lift < self.motion.lift_height, "label.min_lift", lift, valid)
-
         strongest = max(self.shake.levels, default=0.0)
         valid = f"at most the last of shake.levels ({strongest})"
         check(self.label.min_shake <= strongest, "label.min_shake", self.label.min_shake, valid)
+
+    def _check_rate(self, key: str) -> None:
+        for name in ("free_hz", "contact_hz"):
+            rate, got = getattr(self.physics, name), getattr(self, key)
+            check(rate % got == 0, key, got, f"a divisor of physics.{name} ({rate})")
+
+    def _check_randomize(self) -> None:
+        """Check that whatever is drawn is a motion, and a camera."""
+        gripper, jitter = self.randomize.gripper, self.randomize.cameras.fov_y_deg
+        for force, speed in itertools.product(gripper.force, gripper.speed):
+            try:
+                self.motion.scaled(force, speed)
+            except ConfigError as error:
+                raise ConfigError(f"randomize.gripper: with motion.{error}") from None
+        for name, camera in self.cameras.items():
+            angle = camera.fov_y_deg
+            ok = 1.0 <= angle - jitter and angle + jitter <= 170.0
+            valid = f"such that cameras.{name}.fov_y_deg ({angle}) stays within 1 to 170 degrees"
+            check(ok, "randomize.cameras.fov_y_deg", jitter, valid)
 
     @property
     def imu_rate(self) -> int:
@@ -122,13 +150,23 @@ class FactoryConfig:
         return min(rates, key=lambda rate: abs(rate - self.imu_hz))
 
     @property
-    def longest_attempt(self) -> int:
-        """An upper bound for the number of records of an attempt."""
+    def longest_s(self) -> float:
+        """An upper bound for the time of an attempt, seconds."""
         # Each motion may be rounded up to the control rate.
         motions = len(Phase) + SHAKE_MOTIONS * len(self.shake.levels)
         rounding = motions / self.physics.control_hz
-        seconds = self.motion.longest_s + self.shake.longest_s(self.physics.control_hz) + rounding
-        return math.ceil(seconds * self.record_hz)
+        slowest = self.motion.scaled(1.0, self.randomize.gripper.speed[0])
+        return slowest.longest_s + self.shake.longest_s(self.physics.control_hz) + rounding
+
+    @property
+    def longest_attempt(self) -> int:
+        """An upper bound for the number of records of an attempt."""
+        return math.ceil(self.longest_s * self.record_hz)
+
+    @property
+    def longest_video(self) -> int:
+        """An upper bound for the number of frames of an attempt."""
+        return math.ceil(self.longest_s * self.video_hz)
 
     @classmethod
     def from_plain(cls, data: Any) -> FactoryConfig:

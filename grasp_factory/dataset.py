@@ -13,17 +13,13 @@ from numpy.typing import NDArray
 from grasp_factory import schema
 from grasp_factory.conditions import matching
 from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import CameraFrames, Episode, EpisodeSpec, checksum
+from grasp_factory.episode import Episode, EpisodeSpec, checksum
 from grasp_factory.errors import StoreError, lookup, shown
-from grasp_factory.outcome import Outcome
+from grasp_factory.noise import EpisodeNoise, SensorNoise, named_noise
 from grasp_factory.records import is_integer
+from grasp_factory.rows import NEEDED, Row, assemble, fixed
 from grasp_factory.writers.header import open_array, open_store, read_array
 
-Row = dict[str, NDArray[Any]]
-"""Values of one episode by path, streams trimmed."""
-
-_NEEDED = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu")
-"""Columns that every store has, and that are not in ``Episode.columns``."""
 LABEL_COLUMNS = ("outcome", "success")
 _NOT_IN_CHECKSUM = ("episodes/status", "episodes/checksum", "episodes/error")
 
@@ -43,37 +39,48 @@ class Dataset:
         config: FactoryConfig,
         attributes: Mapping[str, Any],
         arrays: Mapping[str, zarr.Array[Any]],
+        noise: EpisodeNoise,
     ) -> None:
         """Use ``Dataset.open``."""
         self.path = path
         self.config = config
         self.attributes = attributes
         self._arrays = arrays
+        self._noise = noise
         self._fields = {row.path: row for row in schema.expand(config) if row.path in arrays}
         self._length: int = arrays[schema.STATUS.path].shape[0]
 
     @classmethod
-    def open(cls, path: Path | str) -> Dataset:
+    def open(
+        cls, path: Path | str, noise: str | SensorNoise | None = None, noise_seed: int = 0
+    ) -> Dataset:
         """Open the store at ``path``.
+
+        Args:
+            path: where it is.
+            noise: what sensors add to episodes, images and series when they are read, or its name
+                in ``noise.NOISE``; columns stay clean, and so does the store.
+            noise_seed: the same seed gives the same noise.
 
         Raises:
             StoreMismatchError: if there is no store, or one of a newer version.
             StoreError: if the store is damaged.
+            UsageError: for a noise or a seed that is none.
         """
-        path = Path(path)
+        path, shown_as = Path(path), EpisodeNoise(named_noise(noise), noise_seed)
         root, config = open_store(path, mode="r")
-        needed = {f"episodes/{name}" for name in _NEEDED}
+        needed = {f"episodes/{name}" for name in NEEDED}
         arrays = {
             row.path: open_array(root, row.path)
             for row in schema.expand(config)
             # A store made before a column was added to the schema lacks it, and is read without.
             if row.path in needed or (path / row.path / "zarr.json").exists()
         }
-        return cls(path, config, root.attrs.asdict(), arrays)
+        return cls(path, config, root.attrs.asdict(), arrays, shown_as)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to another process as the path alone, to be opened there."""
-        return Dataset.open, (self.path,)
+        """Travel to another process as the path and the noise, to be opened there."""
+        return Dataset.open, (self.path, self._noise.noise, self._noise.seed)
 
     def __repr__(self) -> str:
         return f"Dataset({str(self.path)!r}, {len(self)} episodes)"
@@ -179,19 +186,27 @@ class Dataset:
         at = f"cameras/{camera}/"
         kinds = {p.removeprefix(at): p for p, row in self._fields.items() if row.is_image}
         i, path = self._committed_row(index), lookup(kinds, "image kind", kind)
-        return np.asarray(self._read(path, i, i + 1, frame)[0])
+        image = np.asarray(self._read(path, i, i + 1, frame)[0])
+        if kind not in self._noise.images:
+            return image
+        K, far = self._read(f"{at}intrinsics", i, i + 1)[0], self.spec(i).cameras[camera].far
+        return self._noise.image(image, K, far, index=i, camera=camera, kind=kind, frame=frame)
 
     def series(self, index: int, *names: str) -> dict[str, NDArray[Any]]:
-        """Return some streams of one episode, unpadded, reading no others.
+        """Return some streams of one episode, unpadded, reading no others (than noise needs).
 
         Raises:
             UnknownNameError: listing the streams.
         """
         i = self._committed_row(index)
         streams = {p.removeprefix("streams/"): p for p in self._fields if p.startswith("streams/")}
-        paths = {name: lookup(streams, "stream", name) for name in names}
+        for name in names:
+            lookup(streams, "stream", name)
         n_steps = int(self._read("episodes/n_steps", i, i + 1)[0])
-        return {name: self._read(path, i, i + 1)[0][:n_steps] for name, path in paths.items()}
+        needed = [name for name in self._noise.needs(names) if name in streams]
+        clean = {name: self._read(streams[name], i, i + 1)[0][:n_steps] for name in needed}
+        read = self._noise.streams(i, clean, self.config.record_hz)
+        return {name: read[name] for name in names}
 
     @property
     def labels(self) -> list[str]:
@@ -257,35 +272,23 @@ class Dataset:
         return {path: open_array(root, path) for path in paths}
 
     def _read_rows(self, start: int, stop: int) -> list[Row]:
-        whole = {path: self._read(path, start, stop) for path in self._fields}
+        at_once = {
+            p: self._read(p, start, stop) for p, row in self._fields.items() if not row.is_video
+        }
         rows = []
         for k in range(stop - start):
-            row = {path: np.asarray(values[k]) for path, values in whole.items()}
+            row = {path: fixed(values[k]) for path, values in at_once.items()}
             for path, field in self._fields.items():
+                if field.is_video:  # a block of videos would be too large to hold
+                    row[path] = self._read(path, start + k, start + k + 1)[0]
                 if field.length_column:
                     row[path] = row[path][: row[field.length_column]]
             rows.append(row)
         return rows
 
     def _episode(self, i: int, row: Row) -> Episode:
-        groups: dict[str, dict[str, Any]] = {}
-        for path, value in row.items():
-            group, name = path.rsplit("/", 1)
-            groups.setdefault(group, {})[name] = value
-        columns = groups["episodes"]
         try:
-            return Episode(
-                spec=EpisodeSpec.from_json(str(columns["spec"])),
-                outcome=Outcome(int(columns["outcome"])),
-                columns={k: _plain(v) for k, v in columns.items() if k not in _NEEDED},
-                cameras={c: CameraFrames(**groups[f"cameras/{c}"]) for c in self.config.cameras},
-                streams=groups["streams"],
-                imu=groups["imu"],
-            )
+            episode = assemble(row, self.config.cameras)
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise StoreError(f"{self.path}: episode {i} is damaged: {error}") from None
-
-
-def _plain(value: NDArray[Any]) -> Any:
-    """Return a single value as a Python one; ``Episode.contents`` turns it back exactly."""
-    return value.item() if value.ndim == 0 else value
+        return self._noise.episode(episode)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, Pose
 from grasp_factory.gripper import Gripper
+from grasp_factory.looks import Color, Surroundings
 from grasp_factory.outcome import Outcome
 from grasp_factory.records import from_plain, to_plain
 from grasp_factory.schema import FIELDS
@@ -40,6 +41,17 @@ class ObjectSpec:
     """Coulomb coefficient; the pair's value is the product with the other body's."""
     drop_pose: Pose
     """Pose of the object's own frame in the world when it is let go."""
+    folder_sha256: str = ""
+    """For an object of a user's folder: the digest of its contents; empty for what is shipped."""
+    scale: float = 1.0
+    """Factor on the model's size."""
+    linear_damping: float = 0.0
+    """Share of the velocity lost per second, as Bullet counts it."""
+    angular_damping: float = 0.0
+    color: Color | None = None
+    """None for the model's own."""
+    texture: str = ""
+    """An id of ``textures``; empty for the model's own look."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,10 +66,13 @@ class EpisodeSpec:
     """All of the policy's own settings."""
     objects: tuple[ObjectSpec, ...]
     """The first one is the target."""
+    surroundings: Surroundings
     cameras: Mapping[str, CameraConfig]
     resolution: tuple[int, int]
     record_hz: int
     imu_hz: int
+    video_hz: int
+    """Frames per second of the video that each camera takes of the attempt; 0 for none."""
     workspace: WorkspaceConfig
     physics: PhysicsConfig
     motion: MotionConfig
@@ -144,7 +159,9 @@ class CameraFrames:
     intrinsics: Array
     """(3, 3) pixels."""
     T_world_camera: Array
-    """(4, 4)."""
+    """(2, 4, 4), OpenCV axes; both frames have the same unless the camera moves with the hand."""
+    visibility: NDArray[np.float32]
+    """(2, M): the share of each object's pixels in the image that nothing hides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,6 +177,9 @@ class Episode:
     """Time series by name, each (n_steps, ...), unpadded."""
     imu: Mapping[str, NDArray[Any]]
     """The IMU's time series, each (n_imu, ...), at their own rate, unpadded."""
+    videos: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    """``timestamp`` (n_video,), and for each camera ``<name>/rgb`` and ``<name>/T_world_camera``,
+    (n_video, ...); empty where none was asked for."""
 
     @property
     def success(self) -> bool:
@@ -185,13 +205,16 @@ class Episode:
             "episodes/n_imu": np.asarray(self.n_imu, np.int32),
             "episodes/spec": np.asarray(self.spec.to_json()),
         }
+        if self.videos:
+            out["episodes/n_video"] = np.asarray(len(self.videos["timestamp"]), np.int32)
         for name, value in self.columns.items():
             path = f"episodes/{name}"
             out[path] = np.asarray(value, _COLUMN_DTYPES.get(path))
         for camera, frames in self.cameras.items():
             for name in frames.__slots__:
                 out[f"cameras/{camera}/{name}"] = getattr(frames, name)
-        for group, series in (("streams", self.streams), ("imu", self.imu)):
+        series_of = (("streams", self.streams), ("imu", self.imu), ("videos", self.videos))
+        for group, series in series_of:
             out |= {f"{group}/{name}": values for name, values in series.items()}
         return out
 
@@ -208,7 +231,7 @@ def checksum(contents: Mapping[str, NDArray[Any]]) -> str:
     digest = hashlib.sha256()
     for path, array in sorted(contents.items()):
         if array.dtype.kind == "U":
-            data, kind = str(array).encode(), "string"
+            data, kind = "\0".join(array.ravel().tolist()).encode(), "string"
         else:
             data, kind = np.ascontiguousarray(array).data, array.dtype.newbyteorder("<").str  # type: ignore[assignment]
         digest.update(f"{path} {kind} {array.shape}\n".encode())

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from grasp_factory import carried
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
 from grasp_factory.episode import Episode
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.executors import Report, make_executor
-from grasp_factory.objects import OBJECT_SETS
+from grasp_factory.objects import find_set
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import check
 from grasp_factory.request import Request
@@ -98,11 +99,14 @@ def generate(
         WorkerError: if a worker died; the blocks that were committed stay.
     """
     request = Request(config=config, n=n, workers=workers, out=Path(out))
-    robot = check_names(config)
     path, start = request.out, time.monotonic()
     target = check_place(path, config)
+    carried.unpack(path, config)
+    robot = check_names(config)
     with StoreLock(path), RunLog(target, request) as log:
-        prepare_store(path, config, len(robot.arm_joints), request.n, {"robot": robot.facts()})
+        facts = {"robot": robot.facts()}
+        objects = carried.packed(config)
+        prepare_store(path, config, len(robot.arm_joints), request.n, facts, objects=objects)
         plan = _plan(request)
         on_start(plan)
         if plan.blocks:
@@ -135,7 +139,7 @@ def check_names(config: FactoryConfig) -> RobotModel:
     for name in {**config.policies, **config.policy_parameters}:
         lookup(POLICIES, "policy", name).settings(config.policy_parameters.get(name, {}))
     for object_set in config.object_sets:
-        lookup(OBJECT_SETS, "object set", object_set)
+        find_set(object_set, config.object_folders.get(object_set, ""))
     robot = lookup(ROBOTS, "robot", config.robot)
     (low, high), force = robot.gripper.force_range, config.motion.grip_force
     valid = f"{low:g} to {high:g} N, which is what the gripper of {robot.name} can do"

@@ -64,6 +64,29 @@ def target_com(streams: Streams, object_com: Array) -> Array:
     return np.array([apply(_matrix(pose), object_com) for pose in poses]).reshape(-1, 3)
 
 
+def disturbance(streams: Streams, object_com: Array, rest_pose: Array) -> tuple[Array, Array]:
+    """Return each object's way and rise (M,), metres, NaN where there was no attempt.
+
+    The way is that of the centre of mass from its rest to the last record; the rise is that by
+    the end of the hold, or of the attempt where it did not come that far.
+
+    Args:
+        streams: The episode's streams.
+        object_com: Centres of mass in the objects' own frames, (M, 3) metres.
+        rest_pose: The objects' poses (M, 7) before the attempt.
+    """
+    before_shake = np.flatnonzero(streams["phase"] != Phase.SHAKE)
+    if not len(before_shake):
+        nothing = np.full(len(object_com), np.nan)
+        return nothing, nothing.copy()
+    poses = streams["object_pose"].astype(np.float64)
+    rest, end, held = (
+        np.array([apply(_matrix(p), com) for p, com in zip(row, object_com, strict=True)])
+        for row in (rest_pose, poses[-1], poses[before_shake[-1]])
+    )
+    return np.linalg.norm(end - rest, axis=1), (held - rest)[:, 2]
+
+
 def measure(streams: Streams, object_com: Array, rest_height: float) -> Measurements:
     """Return the measurements of an executed attempt.
 

@@ -54,6 +54,14 @@ class Label(IntEnum):
     """Other objects follow: 6, 7, ..."""
 
 
+def label_names(objects: int) -> list[str]:
+    """Return the words of ``Label`` for scenes of so many objects; a word's position is its value.
+
+    After the target come object_1, object_2, ...: their numbers are those of a recipe's objects.
+    """
+    return [*names(Label), *(f"object_{i}" for i in range(1, objects))]
+
+
 def names(words: type[IntEnum]) -> list[str]:
     """Return the words in lower case; a word's position is its value."""
     return [word.name.lower() for word in words]

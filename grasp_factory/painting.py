@@ -111,7 +111,7 @@ def grasp_pixels(episode: Episode, frames: CameraFrames) -> Array | None:
     T = transform(quat_xyzw_to_matrix(columns["grasp_quat_xyzw"]), columns["grasp_position"])
     half = columns["grasp_width"] / 2.0
     local = np.array([[0, half, 0], [0, -half, 0], [0, 0, 0], [0, 0, -0.05]], np.float64)
-    camera = apply(inverse(frames.T_world_camera), apply(T, local))
+    camera = apply(inverse(frames.T_world_camera[0]), apply(T, local))
     if not (camera[:, 2] > NEAR).all():  # behind the camera, or NaN
         return None
     pixels = project(camera, frames.intrinsics)

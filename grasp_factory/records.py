@@ -72,6 +72,12 @@ def normalise(record: Any) -> None:
         object.__setattr__(record, field.name, value)
 
 
+def sections_of(cls: type[Any]) -> dict[str, type[Any]]:
+    """Return the fields of a record that are records themselves, with their types."""
+    hints = _hints(cast(Any, cls)).items()
+    return {name: cast(Any, hint) for name, hint in hints if dataclasses.is_dataclass(hint)}
+
+
 def is_integer(value: Any) -> bool:
     """Say whether a value is an integer, also of numpy; True and False are none."""
     return isinstance(value, numbers.Integral) and not isinstance(value, bool)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory import carried
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import RecipeError, StoreError, UsageError
@@ -45,6 +46,7 @@ def replay(path: Path, index: int) -> Replay:
     """
     dataset = Dataset.open(path)
     index = check_index(dataset, index)
+    carried.unpack(path, dataset.config)
     changed = tuple(changed_since(dataset.attributes))
     quarantined = dataset.status[index] == 2
     recorded = str(dataset.column("error")[index]) if quarantined else ""

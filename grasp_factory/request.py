@@ -15,15 +15,24 @@ from typing import Any
 
 import yaml
 
+from grasp_factory.cameras import CAMERAS
 from grasp_factory.config import FactoryConfig
-from grasp_factory.errors import ConfigError, nearest, shown
-from grasp_factory.records import check, is_integer
+from grasp_factory.errors import ConfigError, lookup, nearest, shown
+from grasp_factory.randomize import RANDOMIZE_PRESETS
+from grasp_factory.records import check, is_integer, sections_of, to_plain
+from grasp_factory.sections import PHYSICS_PRESETS
 from grasp_factory.yamltext import parse_yaml
 
 MAX_EPISODES = 1_000_000
 MAX_WORKERS = 512
 RUN_KEYS = ("n", "workers", "out")
 CONFIG_KEYS = tuple(f.name for f in dataclasses.fields(FactoryConfig))
+SECTIONS = sections_of(FactoryConfig)
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "physics": PHYSICS_PRESETS,
+    "randomize": {name: to_plain(preset) for name, preset in RANDOMIZE_PRESETS.items()},
+}
+"""By key, then by name: what may stand for a section."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +78,8 @@ def resolve_request(
     """Merge the settings of a config file, flags and ``KEY=VALUE`` texts over the defaults.
 
     A section such as ``physics`` is merged key by key; a table of names such as ``policies`` or
-    ``cameras`` replaces the default one.
+    ``cameras`` replaces the default one. A name may stand for a section that has presets, a list of
+    names for ``cameras``, a number for ``clutter``.
 
     Raises:
         ConfigError: naming the key, what it got and what is valid.
@@ -81,8 +91,6 @@ def resolve_request(
             _merge(settings, key, value)
     for text in assignments:
         _assign(settings, text)
-    if isinstance(settings["resolution"], str):
-        settings["resolution"] = parse_size(settings["resolution"])
     run = {key: settings.pop(key) for key in RUN_KEYS if key in settings}
     if "out" in run:
         ok = isinstance(run["out"], str | Path) and str(run["out"]) != ""
@@ -99,11 +107,34 @@ def _check_key(key: str) -> None:
 
 
 def _merge(settings: dict[str, Any], key: str, value: Any) -> None:
-    is_section = dataclasses.is_dataclass(getattr(FactoryConfig(), key, None))
-    if is_section and isinstance(value, Mapping):
-        settings[key] = {**settings[key], **value}
+    """Put a value over the one there is; sections are merged key by key, tables are replaced."""
+    value = _spelled_out(key, value)
+    if key in SECTIONS and isinstance(value, Mapping):
+        settings[key] = _merged(SECTIONS[key], settings[key], value)
     else:
         settings[key] = value
+
+
+def _merged(section: type[Any], under: Mapping[str, Any], over: Mapping[str, Any]) -> Any:
+    inner = sections_of(section)
+    out = {**under, **over}
+    for key in inner.keys() & over.keys():
+        if isinstance(over[key], Mapping):
+            out[key] = _merged(inner[key], under.get(key, {}), over[key])
+    return out
+
+
+def _spelled_out(key: str, value: Any) -> Any:
+    """Return what a short form stands for: a preset's name, names of cameras, a count."""
+    if key in PRESETS and isinstance(value, str):
+        return lookup(PRESETS[key], f"preset of {key}", value)
+    if key == "cameras" and isinstance(value, list | tuple):
+        return {str(n): to_plain(lookup(CAMERAS, "camera", str(n)).config) for n in value}
+    if key == "clutter" and is_integer(value):
+        return {"count": value}
+    if key == "resolution" and isinstance(value, str):
+        return parse_size(value)
+    return value
 
 
 def _assign(settings: dict[str, Any], text: str) -> None:
@@ -120,4 +151,7 @@ def _assign(settings: dict[str, Any], text: str) -> None:
             raise ConfigError(f"--set {shown(text)}: {'.'.join(path[:depth])[:100]} has no keys")
         here[part] = dict(inner)  # an alias in the file may stand for it elsewhere too
         here = here[part]
-    here[path[-1]] = parsed
+    if len(path) == 1:
+        _merge(settings, path[0], parsed)
+    else:
+        here[path[-1]] = parsed

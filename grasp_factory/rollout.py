@@ -20,12 +20,12 @@ from grasp_factory.episode import (
 )
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.geometry import Array, matrix_to_quat_xyzw
-from grasp_factory.labels import Measurements, judge, measure
+from grasp_factory.labels import Measurements, disturbance, judge, measure
 from grasp_factory.motion import GraspMotion, plan_motion
 from grasp_factory.outcome import Outcome
 from grasp_factory.policies import POLICIES
 from grasp_factory.sampling import Stream, rng_for
-from grasp_factory.scene import Scene, build_scene, observe, settle, take_images
+from grasp_factory.scene import Scene, Shot, build_scene, object_poses, observe, settle, take_shots
 from grasp_factory.world import World
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -43,27 +43,29 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
     object_com = np.array([world.inertial_frame(body).position for body in scene.objects])
     settled = settle(scene)
     rest_height = float(scene.com()[2])
-    before = take_images(scene)
+    rest_pose = object_poses(scene)
+    before = take_shots(scene)
     attempt = Attempt(scene)
     chosen: Grasp | None = None
     after = before
     if settled is not None:
         outcome = settled
     else:
-        plan = _plan(scene, before)
+        plan = _plan(scene, {name: shot.image for name, shot in before.items()})
         chosen, motion = choose(scene, plan)
         if motion is None:
             outcome = Outcome.UNREACHABLE if plan.grasps else Outcome.NO_PLAN
         else:
             assert chosen is not None
             attempt.run(motion, chosen.width)
-            after = take_images(scene)
+            after = take_shots(scene)
             outcome = Outcome.COLLISION
     streams, imu = attempt.streams(), attempt.imu()
     _refuse_non_finite(streams | imu, spec)
     if attempt.has_closed:
         outcome = judge(streams, object_com[0], rest_height, spec.label)
     measured = measure(streams, object_com[0], rest_height)
+    displacement, lift = disturbance(streams, object_com, rest_pose)
     streams["reward"] = np.zeros(len(streams["timestamp"]), np.float32)
     streams["reward"][-1:] = outcome is Outcome.SUCCESS
     return Episode(
@@ -72,6 +74,9 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
         columns=_columns(spec, chosen, measured)
         | {
             "object_com": object_com,
+            "object_rest_pose": rest_pose,
+            "object_displacement": displacement,
+            "object_lift": lift,
             "rest_height": rest_height,
             "table_penetration": attempt.table_penetration,
             "collision_body": np.uint8(attempt.touched or 0),
@@ -79,6 +84,7 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
         cameras={name: _frames(before[name], after[name]) for name in before},
         streams=streams,
         imu=imu,
+        videos=attempt.videos(),
     )
 
 
@@ -121,6 +127,7 @@ def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> 
         "policy": spec.policy,
         "grasp_proposer": (grasp.proposer or spec.policy) if grasp else "",
         "object_mass": target.mass,
+        "object_ids": np.array([recipe.object_id for recipe in spec.objects]),
         "grasp_position": T[:3, 3].copy(),
         "grasp_quat_xyzw": quat,
         "grasp_width": grasp.width if grasp else float("nan"),
@@ -129,13 +136,15 @@ def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> 
     }
 
 
-def _frames(before: CameraImage, after: CameraImage) -> CameraFrames:
+def _frames(*shots: Shot) -> CameraFrames:
+    images = [shot.image for shot in shots]
     return CameraFrames(
-        rgb=np.stack([before.rgb, after.rgb]),
-        depth=np.stack([before.depth, after.depth]),
-        segmentation=np.stack([before.segmentation, after.segmentation]),
-        intrinsics=before.intrinsics,
-        T_world_camera=before.T_world_camera,
+        rgb=np.stack([image.rgb for image in images]),
+        depth=np.stack([image.depth for image in images]),
+        segmentation=np.stack([image.segmentation for image in images]),
+        intrinsics=images[0].intrinsics,
+        T_world_camera=np.stack([image.T_world_camera for image in images]),
+        visibility=np.stack([shot.visibility for shot in shots]),
     )
 
 

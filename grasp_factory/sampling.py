@@ -10,11 +10,18 @@ import numpy as np
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import EpisodeSpec, ObjectSpec
 from grasp_factory.errors import lookup
-from grasp_factory.geometry import Pose, quat_xyzw_to_matrix
-from grasp_factory.objects import OBJECT_SETS, ObjectModel
+from grasp_factory.objects import ObjectModel, find_set
+from grasp_factory.placement import Placed, place_around, place_target
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import to_plain
-from grasp_factory.sections import WorkspaceConfig
+from grasp_factory.variation import (
+    BodyDraw,
+    draw_body,
+    draw_cameras,
+    draw_motion,
+    draw_object_look,
+    draw_surroundings,
+)
 
 
 class Stream(IntEnum):
@@ -27,6 +34,15 @@ class Stream(IntEnum):
     POSE = 1
     POLICY_CHOICE = 2
     POLICY = 3
+    CLUTTER = 4
+    """Which objects lie around the target, and where."""
+    BODIES = 5
+    OBJECT_LOOKS = 6
+    MOTION = 7
+    SURROUNDINGS_CHOICE = 8
+    SURROUNDINGS = 9
+    """Table, floor and light. It and the next hang on the surroundings' number, not the index."""
+    CAMERAS = 10
 
 
 def rng_for(seed: int, index: int, stream: Stream) -> np.random.Generator:
@@ -41,59 +57,83 @@ def sample_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
     Raises:
         UnknownNameError: if the config names an object set or a policy that its table lacks.
     """
-    objects = rng_for(config.seed, index, Stream.OBJECTS)
-    pose = rng_for(config.seed, index, Stream.POSE)
-    choice = rng_for(config.seed, index, Stream.POLICY_CHOICE)
-    policy = lookup(POLICIES, "policy", _draw_name(config.policies, choice))
+
+    def rng(stream: Stream, number: int = index) -> np.random.Generator:
+        return rng_for(config.seed, number, stream)
+
+    ranges = config.randomize
+    policy = lookup(POLICIES, "policy", _draw_name(config.policies, rng(Stream.POLICY_CHOICE)))
     parameters = policy.settings(config.policy_parameters.get(policy.name, {}))
+    around = index
+    if ranges.surroundings:
+        around = int(rng(Stream.SURROUNDINGS_CHOICE).integers(ranges.surroundings))
     return EpisodeSpec(
         index=index,
         seed=config.seed,
         robot=config.robot,
         policy=policy.name,
         policy_parameters=to_plain(parameters),
-        objects=(_sample_object(config, objects, pose),),
-        cameras=config.cameras,
+        objects=_sample_objects(config, index),
+        surroundings=draw_surroundings(ranges.looks, rng(Stream.SURROUNDINGS, around)),
+        cameras=draw_cameras(ranges.cameras, config.cameras, rng(Stream.CAMERAS, around)),
         resolution=config.resolution,
         record_hz=config.record_hz,
         imu_hz=config.imu_rate,
+        video_hz=config.video_hz,
         workspace=config.workspace,
         physics=config.physics,
-        motion=config.motion,
+        motion=draw_motion(ranges.gripper, config.motion, rng(Stream.MOTION)),
         shake=config.shake,
         label=config.label,
     )
 
 
-def _sample_object(
-    config: FactoryConfig, objects: np.random.Generator, pose: np.random.Generator
-) -> ObjectSpec:
-    name = _draw_name(config.object_sets, objects)
-    model = lookup(OBJECT_SETS, "object set", name).draw(objects)
-    return ObjectSpec(
-        object_set=name,
-        object_id=model.object_id,
-        split=model.split,
-        mass=model.mass,
-        lateral_friction=model.lateral_friction,
-        drop_pose=_sample_drop_pose(config.workspace, model, pose),
+def _sample_objects(config: FactoryConfig, index: int) -> tuple[ObjectSpec, ...]:
+    """Draw the objects; the target and its place are the same whatever lies around it."""
+    others = rng_for(config.seed, index, Stream.CLUTTER)
+    rngs = [rng_for(config.seed, index, Stream.OBJECTS), *[others] * (config.clutter.count - 1)]
+    drawn = [_draw_model(config, rng) for rng in rngs]
+    bodies = rng_for(config.seed, index, Stream.BODIES)
+    body_draws = [draw_body(config.randomize.objects, bodies) for _ in drawn]
+    corners = [m.corners() * body.scale for (_, m), body in zip(drawn, body_draws, strict=True)]
+    target = place_target(config.workspace, corners[0], rng_for(config.seed, index, Stream.POSE))
+    radius = config.clutter.radius
+    places = place_around(target, config.workspace, radius, corners[1:], others)
+    looks = rng_for(config.seed, index, Stream.OBJECT_LOOKS)
+    return tuple(
+        _object_spec(config, set_and_model, body, place, looks)
+        for set_and_model, body, place in zip(drawn, body_draws, places, strict=True)
     )
 
 
-def _sample_drop_pose(
-    workspace: WorkspaceConfig, model: ObjectModel, rng: np.random.Generator
-) -> Pose:
-    """Draw a pose with uniform orientation whose bounding box hangs above the table."""
-    quat = rng.normal(size=4)
-    quat /= np.linalg.norm(quat)
-    corners = model.corners() @ quat_xyzw_to_matrix(quat).T
-    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-    lower = np.array(workspace.lower[:2]) + workspace.margin
-    upper = np.array(workspace.upper[:2]) - workspace.margin
-    x, y = rng.uniform(lower, upper) - middle[:2]
-    z = rng.uniform(*workspace.drop_height) - corners[:, 2].min()
-    qx, qy, qz, qw = (float(q) for q in quat)
-    return Pose((float(x), float(y), float(z)), (qx, qy, qz, qw))
+def _draw_model(config: FactoryConfig, rng: np.random.Generator) -> tuple[str, ObjectModel]:
+    name = _draw_name(config.object_sets, rng)
+    return name, find_set(name, config.object_folders.get(name, "")).draw(rng)
+
+
+def _object_spec(
+    config: FactoryConfig,
+    set_and_model: tuple[str, ObjectModel],
+    body: BodyDraw,
+    place: Placed,
+    looks: np.random.Generator,
+) -> ObjectSpec:
+    name, model = set_and_model
+    color, texture = draw_object_look(config.randomize.looks, looks)
+    return ObjectSpec(
+        object_set=name,
+        folder_sha256=config.object_folders.get(name, ""),
+        object_id=model.object_id,
+        split=model.split,
+        mass=model.mass * body.mass,
+        lateral_friction=model.lateral_friction * body.friction,
+        drop_pose=place.pose,
+        scale=body.scale,
+        linear_damping=body.linear_damping,
+        angular_damping=body.angular_damping,
+        color=color,
+        texture=texture,
+    )
 
 
 def _draw_name(weights: Mapping[str, float], rng: np.random.Generator) -> str:

@@ -4,37 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera
-from grasp_factory.episode import CameraImage, EpisodeSpec, SceneView
+from grasp_factory.episode import CameraImage, EpisodeSpec, ObjectSpec, SceneView
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.geometry import Array
-from grasp_factory.objects import OBJECT_SETS, UrdfFile
+from grasp_factory.objects import UrdfFile, find_set
 from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS, Robot
-from grasp_factory.sections import CameraConfig, WorkspaceConfig
-from grasp_factory.sensors import Render, capture, make_camera, render
+from grasp_factory.sections import WorkspaceConfig
+from grasp_factory.sensors import Render, develop, object_frame
+from grasp_factory.stage import Stage, set_stage
+from grasp_factory.visibility import visible_shares
 from grasp_factory.world import DATA, World
 
-TABLE_CENTER_XY = (0.45, 0.0)
-"""Metres; the robot's base, at the origin, stands 0.25 m inside the table's near edge."""
-TABLE_SIZE = (1.40, 1.40, 0.05)
-TABLE_HEIGHT = 0.75
-"""Metres between floor and table top, which is z = 0."""
-TABLE_FRICTION = 1.0
-"""The pair's friction is the product, so the object's own value decides."""
-TABLE_ROLLING_FRICTION = 0.001
-"""Metres of rolling resistance, so that round things come to rest. It sits on the table and not
-on the objects, because Bullet does not report rolling moments and touch must be whole."""
-TABLE_RGBA = (0.72, 0.55, 0.38, 1.0)
-FLOOR_RGBA = (0.42, 0.44, 0.46, 1.0)
-
-MAX_BACKGROUNDS = 16
-"""Backgrounds kept in memory, 3.4 MB each at 640x480."""
+WHITE = (1.0, 1.0, 1.0)
+"""What a texture multiplies where neither recipe nor model has a colour."""
 
 SETTLED_WAY = 0.0003
 """Metres that the centre of mass of a resting object may move within ``SETTLED_S``."""
@@ -52,16 +40,12 @@ class Scene:
 
     world: World
     spec: EpisodeSpec
-    table: int
-    """Body."""
+    stage: Stage
     robot: Robot
     objects: tuple[int, ...]
     """Bodies in the spec's order; the first is the target."""
     labels: NDArray[np.uint8]
     """``Label`` by [body, link + 1]."""
-    cameras: Mapping[str, Camera]
-    backgrounds: Mapping[str, Render]
-    """What each camera sees of floor and table, which are hidden in the world itself."""
 
     def label_of(self, body: int, link: int) -> int:
         """Return the ``Label`` of a link."""
@@ -79,74 +63,41 @@ def build_scene(world: World, spec: EpisodeSpec) -> Scene:
         RecipeError: if an object of the recipe cannot be loaded.
         UnknownNameError: if the recipe names a robot or object that the tables do not have.
     """
-    world.reset(spec.physics)
-    floor, table = _add_surroundings(world)
-    cameras = {
-        name: make_camera(name, config, spec.resolution) for name, config in spec.cameras.items()
-    }
-    backgrounds = {name: _background(world, spec, camera) for name, camera in cameras.items()}
-    world.hide(floor)
-    world.hide(table)
+    stage = set_stage(world, spec)
     robot = Robot(world, lookup(ROBOTS, "robot", spec.robot))
-    objects = tuple(_load_object(world, spec, i) for i in range(len(spec.objects)))
+    objects = tuple(_load_object(world, recipe) for recipe in spec.objects)
     world.seal()
 
     links = len(world.links(robot.body))
     labels = np.zeros((max(robot.body, *objects) + 1, links + 1), np.uint8)
-    labels[floor], labels[table], labels[robot.body] = Label.FLOOR, Label.TABLE, Label.ARM
+    labels[stage.floor], labels[stage.table] = Label.FLOOR, Label.TABLE
+    labels[robot.body] = Label.ARM
     labels[robot.body, robot.first_tool_link + 1 :] = Label.GRIPPER
     for i, body in enumerate(objects):
         labels[body] = Label.TARGET + i
-    return Scene(
-        world,
-        spec,
-        table,
-        robot,
-        objects,
-        labels,
-        MappingProxyType(cameras),
-        MappingProxyType(backgrounds),
-    )
+    return Scene(world, spec, stage, robot, objects, labels)
 
 
-def _add_surroundings(world: World) -> tuple[int, int]:
-    """Add floor and table and return the bodies."""
-    floor = world.add_box((4.0, 4.0, 0.05), (0.0, 0.0, -TABLE_HEIGHT - 0.05), FLOOR_RGBA)
-    table = world.add_box(
-        [side / 2.0 for side in TABLE_SIZE], (*TABLE_CENTER_XY, -TABLE_SIZE[2] / 2.0), TABLE_RGBA
-    )
-    for body in (floor, table):
-        world.change_dynamics(
-            body, -1, lateralFriction=TABLE_FRICTION, rollingFriction=TABLE_ROLLING_FRICTION
-        )
-    return floor, table
-
-
-_backgrounds: dict[tuple[CameraConfig, tuple[int, int]], Render] = {}
-"""Kept over episodes: floor and table look the same in all of them."""
-
-
-def _background(world: World, spec: EpisodeSpec, camera: Camera) -> Render:
-    """Return a camera's render of floor and table, the only bodies yet."""
-    key = (spec.cameras[camera.name], spec.resolution)
-    if key not in _backgrounds:
-        if len(_backgrounds) >= MAX_BACKGROUNDS:
-            _backgrounds.clear()
-        _backgrounds[key] = render(world, camera)
-    return _backgrounds[key]
-
-
-def _load_object(world: World, spec: EpisodeSpec, i: int) -> int:
-    recipe = spec.objects[i]
-    model = lookup(OBJECT_SETS, "object set", recipe.object_set).model(recipe.object_id)
+def _load_object(world: World, recipe: ObjectSpec) -> int:
+    model = find_set(recipe.object_set, recipe.folder_sha256).model(recipe.object_id)
+    pose, color = recipe.drop_pose, recipe.color or model.color
     if isinstance(model.body, UrdfFile):
-        body = world.load_urdf(DATA / model.body.path, recipe.drop_pose, fixed=False)
+        path = DATA / model.body.path
+        body = world.load_urdf(path, pose, fixed=False, scale=recipe.scale)
+        world.change_dynamics(body, -1, mass=recipe.mass)
     else:
-        body = world.add_compound(model.body, recipe.drop_pose, mass=recipe.mass)
-    world.change_dynamics(body, -1, mass=recipe.mass)
+        body = world.add_compound(model.body, pose, mass=recipe.mass, scale=recipe.scale)
     world.change_dynamics(
-        body, -1, lateralFriction=recipe.lateral_friction, spinningFriction=0.0, rollingFriction=0.0
+        body,
+        -1,
+        lateralFriction=recipe.lateral_friction,
+        spinningFriction=0.0,
+        rollingFriction=0.0,
+        linearDamping=recipe.linear_damping,
+        angularDamping=recipe.angular_damping,
     )
+    if color or recipe.texture:
+        world.set_look(body, color or WHITE, recipe.texture)
     return body
 
 
@@ -168,7 +119,9 @@ def settle(scene: Scene) -> Outcome | None:
         for _ in range(steps):
             world.step()
         poses.append(_poses(scene))
-        settled = len(poses) > window and _are_close(poses[-1 - window], poses[-1])
+        if len(poses) > window:
+            awaited = _awaited(poses[-1], scene.spec.workspace)
+            settled = _are_close(poses[-1 - window][awaited], poses[-1][awaited])
         if settled:
             break
     com = scene.com()
@@ -179,17 +132,42 @@ def settle(scene: Scene) -> Outcome | None:
     return None if settled else Outcome.NEVER_SETTLED
 
 
+def _awaited(poses: Array, workspace: WorkspaceConfig) -> NDArray[np.bool_]:
+    """Return which objects (M,) must come to rest: the target, and the others in the workspace.
+
+    One that rolls away over the table has nothing to do with the attempt.
+    """
+    inside = [is_inside(pose[:3], workspace) for pose in poses]
+    return np.array([True, *inside[1:]])
+
+
 def is_inside(point: Array, workspace: WorkspaceConfig) -> bool:
     """Return whether a point (3,) lies in the workspace's box."""
     return bool(np.all(point >= workspace.lower) and np.all(point <= workspace.upper))
 
 
-def take_images(scene: Scene) -> dict[str, CameraImage]:
-    """Render every camera."""
-    return {
-        name: capture(scene.world, camera, scene.backgrounds[name], scene.labels)
-        for name, camera in scene.cameras.items()
-    }
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """An image, and what only the simulator knows about it."""
+
+    image: CameraImage
+    visibility: NDArray[np.float32]
+    """(M,): the share of each object's pixels in the image that nothing hides."""
+
+
+def take_shots(scene: Scene) -> dict[str, Shot]:
+    """Take an image with every camera."""
+    shots = {}
+    for name, (camera, whole) in look(scene).items():
+        shares = visible_shares(scene.world, [scene.robot.body], scene.objects, camera, whole)
+        shots[name] = Shot(develop(whole, camera, scene.labels), shares)
+    return shots
+
+
+def look(scene: Scene) -> dict[str, tuple[Camera, Render]]:
+    """Render what every camera sees."""
+    T_world_tcp = scene.robot.T_world_tcp()
+    return {name: scene.stage.look(name, T_world_tcp) for name in scene.spec.cameras}
 
 
 def observe(scene: Scene, images: Mapping[str, CameraImage]) -> SceneView:
@@ -202,6 +180,12 @@ def observe(scene: Scene, images: Mapping[str, CameraImage]) -> SceneView:
         workspace=scene.spec.workspace,
         target_label=int(Label.TARGET),
     )
+
+
+def object_poses(scene: Scene) -> Array:
+    """Return the poses (M, 7) of the objects' own frames: position and quat_xyzw."""
+    frames = (object_frame(scene.world, body) for body in scene.objects)
+    return np.array([(*frame.position, *frame.quat_xyzw) for frame in frames])
 
 
 def _poses(scene: Scene) -> Array:

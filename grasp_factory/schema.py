@@ -5,6 +5,7 @@ Writers, the reader, the checks and the README's table all follow it.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,12 +13,16 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.config import FactoryConfig
-from grasp_factory.outcome import Label, Outcome, Phase, names
+from grasp_factory.outcome import Label, Outcome, Phase, label_names, names
 
 FORMAT = "grasp-factory"
 FORMAT_VERSION = 1
 
-LENGTH_COLUMNS: Mapping[str | int, str] = {"T": "episodes/n_steps", "U": "episodes/n_imu"}
+LENGTH_COLUMNS: Mapping[str | int, str] = {
+    "T": "episodes/n_steps",
+    "U": "episodes/n_imu",
+    "V": "episodes/n_video",
+}
 """By a time series' first dimension: the column that holds its valid length."""
 MAX_CONTACTS = 12
 """Contact points kept per pad and record; the strongest stay when there are more."""
@@ -58,7 +63,12 @@ class Field:
     @property
     def is_image(self) -> bool:
         """True for arrays with a frame per chunk."""
-        return self.path.startswith("cameras/") and "H" in self.dims
+        return "H" in self.dims
+
+    @property
+    def is_video(self) -> bool:
+        """True for images that are a time series: each episode of them is a file of its own."""
+        return self.is_image and bool(self.length_column)
 
 
 def _f(path: str, dims: tuple[str | int, ...], dtype: str, description: str, **more: Any) -> Field:
@@ -84,6 +94,7 @@ FIELDS: tuple[Field, ...] = (
     _f("episodes/error", (), "string", "why the episode is quarantined"),
     _f("episodes/n_steps", (), "int32", "valid length of the streams"),
     _f("episodes/n_imu", (), "int32", "valid length of the IMU's series"),
+    _f("episodes/n_video", (), "int32", "valid length of the videos, where there are any"),
     _f("episodes/object_id", (), "string", "target object"),
     _f("episodes/object_set", (), "string", "set that the target comes from"),
     _f("episodes/split", (), "string", "train, val or test, by object"),
@@ -92,6 +103,14 @@ FIELDS: tuple[Field, ...] = (
        "policy that thought of the grasp: another one for policies that build on others"),
     _f("episodes/object_mass", (), "float64", "mass of the target", units="kg"),
     _f("episodes/object_com", ("M", 3), "float64", "centre of mass", units="m", frame="object"),
+    _f("episodes/object_ids", ("M",), "string", "every object, the target first"),
+    _f("episodes/object_rest_pose", ("M", 7), "float64",
+       "position (m) and quat_xyzw of each object before the attempt", frame="world"),
+    _f("episodes/object_displacement", ("M",), "float64",
+       "way of each object's centre of mass from its rest to the end of the attempt", units="m"),
+    _f("episodes/object_lift", ("M",), "float64",
+       "rise of each object's centre of mass by the end of the hold (or of the attempt)",
+       units="m"),
     _f("episodes/grasp_position", (3,), "float64", "executed (else first planned) TCP position",
        units="m", frame="world"),
     _f("episodes/grasp_quat_xyzw", (4,), "float64", "its orientation: +z approaches, +y closes",
@@ -128,8 +147,10 @@ FIELDS: tuple[Field, ...] = (
     _f("cameras/{camera}/segmentation", (2, "H", "W"), "uint8", "scene labels", names=_LABELS),
     _f("cameras/{camera}/intrinsics", (3, 3), "float64", "K, integer coordinates at pixel samples",
        units="px"),
-    _f("cameras/{camera}/T_world_camera", (4, 4), "float64", "camera pose, OpenCV axes",
-       units="m", frame="world"),
+    _f("cameras/{camera}/T_world_camera", (2, 4, 4), "float64",
+       "camera pose at each frame, OpenCV axes", units="m", frame="world"),
+    _f("cameras/{camera}/visibility", (2, "M"), "float32",
+       "share of each object's pixels in the image that nothing hides"),
     _f("streams/timestamp", ("T",), "float64", "simulation time since the arm started", units="s"),
     _f("streams/phase", ("T",), "uint8", "part of the attempt", names=_PHASES, empty=255),
     _f("streams/shake_level", ("T",), "float64", "level of the shake, 0 outside of it",
@@ -170,6 +191,11 @@ FIELDS: tuple[Field, ...] = (
     _f("imu/angular_velocity", ("U", 3), "float32", "of the wrist", units="rad/s", frame=_IMU),
     _f("imu/T_tcp_imu", (4, 4), "float64", "where the IMU sits in the hand", units="m",
        frame="tcp"),
+    _f("videos/timestamp", ("V",), "float64", "simulation time, the streams' clock (--video-hz)",
+       units="s"),
+    _f("videos/{camera}/rgb", ("V", "H", "W", 3), "uint8", "the attempt, frame by frame"),
+    _f("videos/{camera}/T_world_camera", ("V", 4, 4), "float64",
+       "camera pose at each frame, OpenCV axes", units="m", frame="world"),
 )  # fmt: skip
 
 
@@ -180,7 +206,8 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
         "T": config.longest_attempt,
         "U": config.longest_attempt * config.imu_rate // config.record_hz,
         "J": joints,
-        "M": 1,
+        "V": config.longest_video,
+        "M": config.clutter.count,
         "P": MAX_CONTACTS,
         "H": height,
         "W": width,
@@ -189,12 +216,16 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
 
 def expand(config: FactoryConfig) -> tuple[Field, ...]:
     """Return the fields of a config's store, with one row per camera."""
+    labels = tuple(label_names(config.clutter.count))
     out: list[Field] = []
     for camera in ("", *config.cameras):
         for row in FIELDS:
+            if "n_video" in row.path + row.length_column and not config.video_hz:
+                continue
             if ("{camera}" in row.path) is bool(camera):
-                more = {name: getattr(row, name) for name in row.__slots__}
-                out.append(Field(**more | {"path": row.path.format(camera=camera)}))
+                words = labels if row.names == _LABELS else row.names
+                path = row.path.format(camera=camera)
+                out.append(dataclasses.replace(row, path=path, names=words))
     return tuple(out)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 
 from grasp_factory.records import check, check_range
 
@@ -31,6 +33,8 @@ SHORTEST_CYCLE = 4
 """Control periods that a motion of the shake takes at the least."""
 SHAKE_MOTIONS = 4
 """Motions of each level of the shake: along three axes and about one."""
+MAX_OBJECTS = 10
+"""Objects of an episode: more would hang beside the hand before they fall."""
 CLOSING_SETTLE_S = 0.3
 """Seconds that the fingers may take beyond their travel until they stand still."""
 
@@ -40,13 +44,23 @@ def straight_motion_s(distance: float, peak_speed: float) -> float:
     return max(PEAK_OVER_MEAN * distance / peak_speed, SHORTEST_MOTION_S)
 
 
+class Mount(Enum):
+    """What a camera is fixed to, and so the frame that its pose is given in."""
+
+    WORLD = "world"
+    TCP = "tcp"
+    """The hand: the camera moves with it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraConfig:
-    """A fixed camera, looking from ``eye`` to ``target`` (world frame, metres)."""
+    """A camera, looking from ``eye`` to ``target`` (metres, in the frame of its mount)."""
 
     eye: Vector3
     target: Vector3
     up: Vector3 = (0.0, 0.0, 1.0)
+    mount: Mount = Mount.WORLD
+    """What it is fixed to."""
     fov_y_deg: float = 45.0
     """Vertical field of view, degrees."""
     near: float = 0.1
@@ -90,6 +104,24 @@ class WorkspaceConfig:
         check(self.lower[0] >= 0.25, "lower", self.lower, "x >= 0.25 m: the robot stands at 0")
         low, high = self.drop_height
         check(0.0 <= low <= high <= 1.0, "drop_height", self.drop_height, "0 <= low <= high <= 1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClutterConfig:
+    """How many objects fall together.
+
+    The target is the one drawn first, let go as if it were alone; the others fall around it, or
+    onto it where there is no room beside it.
+    """
+
+    count: int = 1
+    """Objects, the target among them."""
+    radius: float = 0.15
+    """Metres around the target's place within which the others fall."""
+
+    def __post_init__(self) -> None:
+        check_range(self, "count", 1, MAX_OBJECTS)
+        check_range(self, "radius", 0.0, 0.3, "m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,6 +188,16 @@ class MotionConfig:
         check_range(self, "grip_force", 0.1, 200.0, "N")
         check_range(self, "hold_s", 0.1, 3.0, "s")
         check_range(self, "speed_scale", 0.05, 1.0)
+
+    def scaled(self, force: float, speed: float) -> MotionConfig:
+        """Return the motion with factors on its force and on its speeds.
+
+        Raises:
+            ConfigError: naming the value that is out of its range.
+        """
+        speeds = ("approach_speed", "closing_speed", "lift_speed")
+        changed = {key: speed * getattr(self, key) for key in speeds}
+        return dataclasses.replace(self, grip_force=force * self.grip_force, **changed)
 
     @property
     def longest_close_s(self) -> float:

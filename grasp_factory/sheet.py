@@ -76,6 +76,18 @@ def draw_sheet(episodes: Sequence[Episode], camera: str) -> Image:
     return sheet
 
 
+def check_png(path: Path) -> None:
+    """Check that a PNG image may be written there.
+
+    Raises:
+        UsageError: if the name does not end in .png or its folder does not exist.
+    """
+    if path.suffix.lower() != ".png":
+        raise UsageError(f"{path}: the sheet is a PNG image, valid: a name that ends in .png")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: the folder {path.parent} does not exist")
+
+
 def write_png(path: Path, image: Image) -> None:
     """Write an image as PNG.
 
@@ -83,10 +95,7 @@ def write_png(path: Path, image: Image) -> None:
         UsageError: if the name does not end in .png or its folder does not exist.
         StoreError: if the file cannot be written.
     """
-    if path.suffix.lower() != ".png":
-        raise UsageError(f"{path}: the sheet is a PNG image, valid: a name that ends in .png")
-    if not path.parent.is_dir():
-        raise UsageError(f"{path}: the folder {path.parent} does not exist")
+    check_png(path)
     ok, data = cv2.imencode(".png", image)
     assert ok
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from grasp_factory import schema
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import CameraFrames, Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.geometry import Pose
+from grasp_factory.looks import Surroundings
 from grasp_factory.outcome import Outcome
 from grasp_factory.writers.base import Quarantined
 
@@ -34,17 +36,20 @@ def make_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
         lateral_friction=float(rng.uniform(0.5, 1.0)),
         drop_pose=Pose(tuple(rng.normal(size=3).tolist()), (0.0, 0.0, 0.0, 1.0)),
     )
+    others = [replace(target, object_id=f"other_{i}") for i in range(1, config.clutter.count)]
     return EpisodeSpec(
         index=index,
         seed=config.seed,
         robot=config.robot,
         policy=str(rng.choice(sorted(config.policies))),
         policy_parameters={},
-        objects=(target,),
+        objects=(target, *others),
+        surroundings=Surroundings(),
         cameras=config.cameras,
         resolution=config.resolution,
         record_hz=config.record_hz,
         imu_hz=config.imu_rate,
+        video_hz=config.video_hz,
         workspace=config.workspace,
         physics=config.physics,
         motion=config.motion,
@@ -63,18 +68,23 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
     spec = make_spec(config, index)
     steps = int(rng.integers(0, size["T"] + 1)) if n_steps is None else n_steps
     columns: dict[str, Any] = {}
-    series: dict[str, dict[str, Any]] = {"streams": {}, "imu": {}}
-    lengths = {"T": steps, "U": steps * config.imu_rate // config.record_hz}
+    series: dict[str, dict[str, Any]] = {"streams": {}, "imu": {}, "videos": {}}
+    lengths = {
+        "T": steps,
+        "U": steps * config.imu_rate // config.record_hz,
+        "V": steps * config.video_hz // config.record_hz,
+    }
     cameras: dict[str, dict[str, Any]] = {name: {} for name in config.cameras}
     for row in schema.expand(config):
-        group, name = row.path.rsplit("/", 1)
+        group, name = row.path.split("/", 1)
         shape = schema.shape(row, size)
         if group in series:
             if row.length_column:
                 shape = (lengths[str(row.dims[0])], *shape[1:])
             series[group][name] = _random(rng, row, shape)
-        elif group != "episodes":
-            cameras[group.removeprefix("cameras/")][name] = _random(rng, row, shape)
+        elif group == "cameras":
+            camera, name = name.split("/")
+            cameras[camera][name] = _random(rng, row, shape)
         elif name not in _OWN:
             value = _random(rng, row, shape)
             columns[name] = value if value.ndim else value.item()
@@ -86,6 +96,7 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
         "policy": spec.policy,
         "grasp_proposer": spec.policy,
         "object_mass": target.mass,
+        "object_ids": np.array([recipe.object_id for recipe in spec.objects]),
     }
     return Episode(
         spec=spec,
@@ -109,12 +120,12 @@ def make_rows(
     ]
 
 
-_OWN = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu")
+_OWN = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu", "n_video")
 
 
 def _random(rng: np.random.Generator, row: schema.Field, shape: tuple[int, ...]) -> Any:
     if row.dtype == "string":
-        return np.asarray("")
+        return np.full(shape, "")
     dtype = np.dtype(row.dtype)
     if dtype.kind == "f":
         values = rng.normal(size=shape).astype(dtype)

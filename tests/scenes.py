@@ -6,10 +6,11 @@ import dataclasses
 from functools import cache
 
 from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.episode import CameraImage, Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.geometry import Pose
 from grasp_factory.rollout import run_episode
 from grasp_factory.sampling import sample_spec
+from grasp_factory.scene import Scene, take_shots
 from grasp_factory.world import World
 
 SMALL = FactoryConfig(resolution=(160, 120))
@@ -32,6 +33,11 @@ def cube_spec(
     )
     spec = sample_spec(SMALL, 0)
     return dataclasses.replace(spec, **{"policy": "top_down", "objects": (cube,), **changes})
+
+
+def take_images(scene: Scene) -> dict[str, CameraImage]:
+    """Return what every camera sees."""
+    return {name: shot.image for name, shot in take_shots(scene).items()}
 
 
 @cache

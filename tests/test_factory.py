@@ -237,7 +237,7 @@ def test_a_diary_that_cannot_be_written_is_found_before_the_first_episode(out: P
 
 
 def test_a_run_that_was_refused_leaves_no_diary(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: Any) -> None:
+    def full(*_: Any, **__: Any) -> None:
         raise StoreError("the disk is full")
 
     monkeypatch.setattr(factory, "prepare_store", full)

@@ -11,20 +11,32 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from grasp_factory.errors import UnknownNameError
 from grasp_factory.geometry import IDENTITY, Array
-from grasp_factory.objects import OBJECT_SETS, ObjectModel, ObjectSet
+from grasp_factory.objects import (
+    MAX_PARTS,
+    OBJECT_SETS,
+    Compound,
+    FiniteSet,
+    ObjectModel,
+    ObjectSet,
+    UrdfFile,
+    visual_parts,
+)
+from grasp_factory.objects.base import PRIMITIVES
+from grasp_factory.objects.blobs import BLOBS
+from grasp_factory.objects.classic import CLASSIC
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sections import PhysicsConfig
 from grasp_factory.world import DATA, World
 
-BLOBS = OBJECT_SETS["blobs"]
 BLOB_SCALE = 0.015
 WALL = 0.05
 """Half the thickness of the walls that feel a shape, metres."""
 OVERLAP = 0.005
 """Metres by which the walls reach into a declared box."""
 HULL_MARGIN = 0.001
-"""Metres that Bullet adds around the convex hull of a mesh loaded from a URDF."""
+"""Metres that Bullet adds around the convex hull of a mesh."""
 PINNED_SPLITS = {
     "blobs/000": "train",
     "blobs/001": "train",
@@ -35,6 +47,9 @@ PINNED_SPLITS = {
     "classic/cube": "train",
     "classic/sphere": "train",
     "classic/duck": "train",
+    "procedural/box/0": "test",
+    "procedural/mug/1": "train",
+    "procedural/ring/2147483647": "val",
 }
 
 
@@ -45,8 +60,28 @@ def world() -> Iterator[World]:
 
 
 def some_models(objects: ObjectSet, count: int) -> list[ObjectModel]:
-    models = list(objects.models.values())
-    return models[:: max(1, len(models) // count)]
+    """Return models from all over a finite set, or draws from one without end."""
+    if isinstance(objects, FiniteSet):
+        return list(objects.models.values())[:: max(1, objects.size // count)]
+    rng = np.random.default_rng(0)
+    return [objects.draw(rng) for _ in range(count)]
+
+
+def load(world: World, model: ObjectModel) -> int:
+    """Load an object into an empty world, as a scene does, and return the body."""
+    world.reset(PhysicsConfig())
+    if isinstance(model.body, UrdfFile):
+        body = world.load_urdf(DATA / model.body.path, IDENTITY, fixed=False)
+    else:
+        body = world.add_compound(model.body, IDENTITY, mass=model.mass)
+    world.change_dynamics(body, -1, mass=model.mass)
+    return body
+
+
+def margin(model: ObjectModel) -> float:
+    """Return by how much the loaded shape is larger than the declared one, metres."""
+    shapes = {part.shape for part in model.body.parts} if isinstance(model.body, Compound) else {""}
+    return 0.0 if shapes <= set(PRIMITIVES) else HULL_MARGIN
 
 
 def overhang(world: World, model: ObjectModel) -> Array:
@@ -54,8 +89,7 @@ def overhang(world: World, model: ObjectModel) -> Array:
 
     Walls that reach a little into the box feel how deep the shape is in them.
     """
-    world.reset(PhysicsConfig())
-    body = world.load_urdf(DATA / model.urdf, IDENTITY, fixed=False)
+    body = load(world, model)
     box = np.array([model.lower, model.upper])
     walls = {}
     for side, sign in enumerate((-1.0, 1.0)):
@@ -90,38 +124,72 @@ class TestObjectSet:
     def test_the_set_is_named_described_and_not_empty(self, objects: ObjectSet, name: str) -> None:
         assert objects.name == name
         assert objects.description
-        assert objects.models
+        assert objects.size is None or objects.size > 0
 
-    def test_models_are_listed_by_their_id_which_starts_with_the_set(
+    def test_an_object_is_found_by_its_id_which_starts_with_the_set(
         self, objects: ObjectSet
     ) -> None:
-        for object_id, model in objects.models.items():
-            assert model.object_id == object_id
-            assert object_id.startswith(f"{objects.name}/")
+        for model in some_models(objects, 60):
+            assert model.object_id.startswith(f"{objects.name}/")
+            assert objects.model(model.object_id) == model
 
-    def test_every_file_exists_and_has_the_declared_mass(self, objects: ObjectSet) -> None:
-        for model in objects.models.values():
-            masses = ElementTree.parse(DATA / model.urdf).iter("mass")
-            assert sum(float(mass.attrib["value"]) for mass in masses) == model.mass
+    def test_the_same_generator_state_draws_the_same_object(self, objects: ObjectSet) -> None:
+        first, second, other = (np.random.default_rng(seed) for seed in (5, 5, 6))
+        drawn = [objects.draw(first) for _ in range(20)]
+        assert [objects.draw(second) for _ in range(20)] == drawn
+        assert [objects.draw(other) for _ in range(20)] != drawn
+
+    def test_an_id_that_the_set_lacks_is_refused(self, objects: ObjectSet) -> None:
+        for object_id in ("", objects.name, f"{objects.name}/nothing", f"{objects.name}/box/-1"):
+            with pytest.raises(UnknownNameError, match=r"^unknown object .*valid: "):
+                objects.model(object_id)
+
+    def test_families_are_sorted_and_those_of_the_objects(self, objects: ObjectSet) -> None:
+        assert list(objects.families) == sorted(set(objects.families))
+        assert {m.family for m in some_models(objects, 400)} == set(objects.families)
+
+    def test_every_file_exists(self, objects: ObjectSet) -> None:
+        for model in some_models(objects, 1000):
+            if isinstance(model.body, UrdfFile):
+                assert (DATA / model.body.path).is_file()
+            else:
+                for part in (*model.body.parts, *visual_parts(model.body)):
+                    assert part.shape in PRIMITIVES or Path(part.shape).is_file()
+
+    def test_a_compound_has_no_more_parts_than_the_engine_takes(self, objects: ObjectSet) -> None:
+        for model in some_models(objects, 60):
+            if isinstance(model.body, Compound):
+                assert 1 <= len(model.body.parts) <= MAX_PARTS
+                assert 1 <= len(visual_parts(model.body)) <= MAX_PARTS
+
+    def test_a_mass_is_that_of_something_between_foam_and_steel(self, objects: ObjectSet) -> None:
+        for model in some_models(objects, 1000):
+            box = float(np.ptp(model.corners(), axis=0).prod())
+            assert 15.0 < model.mass / box < 8000.0, model.object_id
 
     def test_the_loaded_mass_is_the_declared_one(self, objects: ObjectSet, world: World) -> None:
-        for model in some_models(objects, 10):
-            world.reset(PhysicsConfig())
-            body = world.load_urdf(DATA / model.urdf, IDENTITY, fixed=False)
-            assert world.mass(body) == pytest.approx(model.mass)
+        for model in some_models(objects, 25):
+            assert world.mass(load(world, model)) == pytest.approx(model.mass)
+
+    def test_loading_says_nothing(
+        self, objects: ObjectSet, world: World, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        for model in some_models(objects, 25):
+            load(world, model)
+        assert capfd.readouterr() == ("", "")
 
     def test_the_bounding_box_contains_the_loaded_shape(
         self, objects: ObjectSet, world: World
     ) -> None:
-        for model in some_models(objects, 25):
-            assert overhang(world, model).max() < HULL_MARGIN + 1e-4, model.object_id
+        for model in some_models(objects, 100):
+            assert overhang(world, model).max() < margin(model) + 1e-4, model.object_id
 
     def test_the_bounding_box_is_tight(self, objects: ObjectSet, world: World) -> None:
-        for model in some_models(objects, 25):
+        for model in some_models(objects, 100):
             assert overhang(world, model).min() > -5e-4, model.object_id
 
     def test_corners_span_the_bounding_box(self, objects: ObjectSet) -> None:
-        for model in objects.models.values():
+        for model in some_models(objects, 60):
             corners = model.corners()
             assert len(np.unique(corners, axis=0)) == 8
             np.testing.assert_array_equal(corners.min(axis=0), model.lower)
@@ -129,26 +197,32 @@ class TestObjectSet:
 
     def test_every_object_fits_between_the_fingers_of_every_robot(self, objects: ObjectSet) -> None:
         narrowest = min(robot.gripper.max_width for robot in ROBOTS.values())
-        for model in objects.models.values():
+        for model in some_models(objects, 1000):
             assert 0.01 < np.ptp(model.corners(), axis=0).min() < narrowest
 
     def test_friction_is_that_of_a_dry_solid(self, objects: ObjectSet) -> None:
-        for model in objects.models.values():
+        for model in some_models(objects, 60):
             assert 0.1 <= model.lateral_friction <= 1.0
+
+    def test_a_color_is_rgb_and_there_where_the_file_has_none(self, objects: ObjectSet) -> None:
+        for model in some_models(objects, 60):
+            assert (model.color is None) == isinstance(model.body, UrdfFile)
+            assert model.color is None or all(0.0 <= value <= 1.0 for value in model.color)
 
 
 class TestSplits:
     def test_ids_are_unique_over_all_sets(self) -> None:
-        ids = [object_id for objects in OBJECT_SETS.values() for object_id in objects.models]
+        ids = [m.object_id for objects in OBJECT_SETS.values() for m in some_models(objects, 1000)]
         assert len(set(ids)) == len(ids)
 
     def test_splits_are_about_80_10_10(self) -> None:
-        splits = [model.split for model in BLOBS.models.values()]
-        shares = {split: n / len(splits) for split, n in Counter(splits).items()}
-        assert shares == pytest.approx({"train": 0.8, "val": 0.1, "test": 0.1}, abs=0.04)
+        for name in ("blobs", "procedural"):
+            splits = [model.split for model in some_models(OBJECT_SETS[name], 1000)]
+            shares = {split: n / len(splits) for split, n in Counter(splits).items()}
+            assert shares == pytest.approx({"train": 0.8, "val": 0.1, "test": 0.1}, abs=0.04)
 
     def test_splits_of_many_ids_are_80_10_10(self) -> None:
-        cube = OBJECT_SETS["classic"].models["classic/cube"]
+        cube = CLASSIC.models["classic/cube"]
         models = (dataclasses.replace(cube, object_id=f"more/{i}") for i in range(20_000))
         counts = Counter(model.split for model in models)
         shares = {split: n / 20_000 for split, n in counts.items()}
@@ -156,14 +230,22 @@ class TestSplits:
 
     @pytest.mark.parametrize("object_id", PINNED_SPLITS)
     def test_an_object_stays_in_its_split(self, object_id: str) -> None:
-        models = OBJECT_SETS[object_id.partition("/")[0]].models
-        assert models[object_id].split == PINNED_SPLITS[object_id]
+        objects = OBJECT_SETS[object_id.partition("/")[0]]
+        assert objects.model(object_id).split == PINNED_SPLITS[object_id]
 
     def test_the_split_hangs_on_the_id_alone(self) -> None:
-        cube = OBJECT_SETS["classic"].models["classic/cube"]
-        for model in BLOBS.models.values():
-            namesake = dataclasses.replace(cube, object_id=model.object_id)
-            assert namesake.split == model.split
+        cube = CLASSIC.models["classic/cube"]
+        for objects in OBJECT_SETS.values():
+            for model in some_models(objects, 1000):
+                namesake = dataclasses.replace(cube, object_id=model.object_id)
+                assert namesake.split == model.split
+
+    def test_two_ids_of_one_object_share_its_split(self) -> None:
+        cube = CLASSIC.models["classic/cube"]
+        copies = [
+            dataclasses.replace(cube, object_id=f"more/{i}", split_by="the same") for i in range(50)
+        ]
+        assert len({model.split for model in copies}) == 1
 
 
 class TestBlobs:
@@ -184,9 +266,14 @@ class TestBlobs:
 
     def test_the_urdfs_scale_the_meshes_as_the_table_does(self) -> None:
         for model in some_models(BLOBS, 40):
-            (mesh, again) = ElementTree.parse(DATA / model.urdf).iter("mesh")
+            (mesh, again) = urdf(model).iter("mesh")
             assert mesh.attrib == again.attrib
             assert mesh.attrib["scale"] == f"{BLOB_SCALE} {BLOB_SCALE} {BLOB_SCALE}"
+
+    def test_every_file_has_the_declared_mass(self) -> None:
+        for model in BLOBS.models.values():
+            (mass,) = urdf(model).iter("mass")
+            assert float(mass.attrib["value"]) == model.mass
 
     def test_what_is_too_flat_or_too_thick_is_left_out(self) -> None:
         for row in read_table():
@@ -194,6 +281,18 @@ class TestBlobs:
             small, middle, _ = np.sort(high - low)
             fits = 0.015 <= small <= 0.075 and middle <= 0.100
             assert (f"blobs/{row['id']}" in BLOBS.models) == fits
+
+
+class TestClassic:
+    def test_the_objects_are_these(self) -> None:
+        names = ["block", "cube", "duck", "jenga", "lego", "sphere", "teddy"]
+        assert sorted(CLASSIC.models) == [f"classic/{name}" for name in names]
+        assert list(CLASSIC.families) == names
+
+
+def urdf(model: ObjectModel) -> ElementTree.ElementTree:
+    assert isinstance(model.body, UrdfFile)
+    return ElementTree.parse(DATA / model.body.path)
 
 
 def read_table() -> list[dict[str, str]]:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Intrinsics, deproject, project
-from grasp_factory.config import DEFAULT_CAMERAS
+from grasp_factory.cameras import CAMERAS
 from grasp_factory.episode import CameraImage, Grasp, SceneView
 from grasp_factory.errors import ConfigError
 from grasp_factory.geometry import (
@@ -36,7 +37,7 @@ from grasp_factory.robots import ROBOTS
 from grasp_factory.sections import CameraConfig, WorkspaceConfig
 
 SIDE = CameraConfig(eye=(0.5, 0.7, 0.5), target=(0.5, 0.0, 0.05))
-FRONT = DEFAULT_CAMERAS["front"]
+FRONT = CAMERAS["front"].config
 RESOLUTION = (320, 240)
 GRIPPERS = {name: model.gripper for name, model in ROBOTS.items()}
 GRIPPER = GRIPPERS["kuka_iiwa"]
@@ -92,7 +93,7 @@ def photograph(camera: CameraConfig, boxes: Boxes, resolution: tuple[int, int]) 
 def make_view(
     boxes: Boxes,
     gripper: Gripper = GRIPPER,
-    cameras: Mapping[str, CameraConfig] = DEFAULT_CAMERAS,
+    cameras: Mapping[str, CameraConfig] = MappingProxyType({"front": FRONT}),
     resolution: tuple[int, int] = RESOLUTION,
 ) -> SceneView:
     return SceneView(

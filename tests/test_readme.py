@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import cube_spec
+from scenes import cube_spec, take_images
 
 from grasp_factory import schema
 from grasp_factory.config import FactoryConfig
 from grasp_factory.outcome import Outcome, names
-from grasp_factory.scene import build_scene, observe, take_images
+from grasp_factory.scene import build_scene, observe
 from grasp_factory.world import World
 
 ROOT = Path(__file__).parent.parent

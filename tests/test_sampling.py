@@ -16,18 +16,29 @@ from grasp_factory.episode import EpisodeSpec
 from grasp_factory.errors import UnknownNameError
 from grasp_factory.geometry import apply
 from grasp_factory.objects import OBJECT_SETS
+from grasp_factory.randomize import RANDOMIZE_PRESETS
 from grasp_factory.sampling import Stream, rng_for, sample_spec
-from grasp_factory.sections import WorkspaceConfig
+from grasp_factory.sections import ClutterConfig, WorkspaceConfig
 
 CONFIG = FactoryConfig(seed=7)
 SEEDS = st.integers(0, 2**63 - 1)
 INDICES = st.integers(0, 2**40)
 DRAWS = 2000
+STRONG = FactoryConfig(
+    seed=7, randomize=RANDOMIZE_PRESETS["strong"], clutter=ClutterConfig(count=3)
+)
 PINNED = {
     "OBJECTS": 10424841047235941500,
     "POSE": 6729429447121830309,
     "POLICY_CHOICE": 2312727446129763639,
     "POLICY": 102324644183451488,
+    "CLUTTER": 9865082629080446798,
+    "BODIES": 5305202858758359028,
+    "OBJECT_LOOKS": 13848349293074425627,
+    "MOTION": 2818583642635466886,
+    "SURROUNDINGS_CHOICE": 12313260573587598750,
+    "SURROUNDINGS": 7690163157938700377,
+    "CAMERAS": 10331937841248093247,
 }
 """The first raw draw of each stream of seed 0, episode 0."""
 
@@ -103,6 +114,30 @@ class TestSeeds:
         assert drawn == PINNED
 
 
+def others(config: FactoryConfig) -> list[object]:
+    return [[o.object_id for o in spec.objects[1:]] for spec in specs(config)]
+
+
+def scales(config: FactoryConfig) -> list[object]:
+    return [[o.scale for o in spec.objects] for spec in specs(config)]
+
+
+def colors(config: FactoryConfig) -> list[object]:
+    return [[(o.color, o.texture) for o in spec.objects] for spec in specs(config)]
+
+
+def motions(config: FactoryConfig) -> list[object]:
+    return [spec.motion for spec in specs(config)]
+
+
+def surroundings(config: FactoryConfig) -> list[object]:
+    return [spec.surroundings for spec in specs(config)]
+
+
+def cameras(config: FactoryConfig) -> list[object]:
+    return [spec.cameras for spec in specs(config)]
+
+
 class TestStreams:
     @pytest.mark.parametrize(
         ("stream", "changes"),
@@ -111,6 +146,12 @@ class TestStreams:
             (Stream.POSE, orientations),
             (Stream.POLICY_CHOICE, policies),
             (Stream.POLICY, None),
+            (Stream.CLUTTER, others),
+            (Stream.BODIES, scales),
+            (Stream.OBJECT_LOOKS, colors),
+            (Stream.MOTION, motions),
+            (Stream.SURROUNDINGS, surroundings),
+            (Stream.CAMERAS, cameras),
         ],
         ids=lambda value: getattr(value, "name", ""),
     )
@@ -120,8 +161,10 @@ class TestStreams:
         stream: Stream,
         changes: Callable[[FactoryConfig], list[object]] | None,
     ) -> None:
-        aspects = (objects, orientations, policies)
-        before = [aspect(CONFIG) for aspect in aspects]
+        aspects = (
+            objects, orientations, policies, others, scales, colors, motions, surroundings, cameras
+        )  # fmt: skip
+        before = [aspect(STRONG) for aspect in aspects]
 
         def burnt(seed: int, index: int, of: Stream) -> np.random.Generator:
             rng = rng_for(seed, index, of)
@@ -131,7 +174,7 @@ class TestStreams:
 
         monkeypatch.setattr(sampling, "rng_for", burnt)
         for aspect, was in zip(aspects, before, strict=True):
-            assert (aspect(CONFIG) != was) == (aspect is changes)
+            assert (aspect(STRONG) != was) == (aspect is changes)
 
     def test_other_policy_weights_leave_objects_and_poses_alone(self) -> None:
         other = FactoryConfig(seed=7, policies={"top_down": 1.0})
@@ -220,10 +263,10 @@ class TestWeights:
     def test_objects_of_a_set_are_drawn_evenly(self) -> None:
         config = FactoryConfig(object_sets={"classic": 1.0})
         counts = Counter(spec.objects[0].object_id for spec in specs(config, DRAWS))
-        expected = DRAWS / 3
+        expected = DRAWS / 7
         chi_square = sum((count - expected) ** 2 / expected for count in counts.values())
-        assert len(counts) == 3
-        assert chi_square < 13.8  # two degrees of freedom: exceeded once in a thousand
+        assert len(counts) == 7
+        assert chi_square < 22.5  # six degrees of freedom: exceeded once in a thousand
 
     def test_a_weight_of_zero_is_never_drawn(self) -> None:
         for policies_ in ({"top_down": 0.0, "uniform": 1.0}, {"top_down": 1.0, "uniform": 0.0}):

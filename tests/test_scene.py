@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenes import SMALL, cube_spec
+from scenes import SMALL, cube_spec, take_images
 
 from grasp_factory.errors import UnknownNameError
 from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling import sample_spec
-from grasp_factory.scene import build_scene, observe, settle, take_images
+from grasp_factory.scene import build_scene, observe, settle
 from grasp_factory.world import World
 
 

@@ -13,13 +13,13 @@ from grasp_factory.episode import CameraFrames
 from grasp_factory.labels import Measurements
 from grasp_factory.outcome import Label, Outcome, Phase, names
 from grasp_factory.schema import FIELDS, Field, expand, markdown_table, shape, sizes
-from grasp_factory.sections import CameraConfig
+from grasp_factory.sections import CameraConfig, ClutterConfig
 
 CAMERAS = {
     "front": CameraConfig(eye=(1.1, 0.0, 0.6), target=(0.5, 0.0, 0.1)),
     "wrist_2": CameraConfig(eye=(0.5, 0.7, 0.5), target=(0.5, 0.0, 0.1)),
 }
-CONFIG = FactoryConfig(cameras=CAMERAS, resolution=(64, 48), record_hz=60)
+CONFIG = FactoryConfig(cameras=CAMERAS, resolution=(64, 48), record_hz=60, video_hz=10)
 SIZES = sizes(CONFIG, joints=6)
 IDS = [row.path for row in FIELDS]
 
@@ -30,7 +30,9 @@ class TestFields:
 
     @pytest.mark.parametrize("row", FIELDS, ids=IDS)
     def test_every_row_is_complete_and_readable(self, row: Field) -> None:
-        assert re.fullmatch(r"episodes/\w+|streams/\w+|imu/\w+|cameras/\{camera\}/\w+", row.path)
+        assert re.fullmatch(
+            r"(episodes|streams|imu|videos|(cameras|videos)/\{camera\})/\w+", row.path
+        )
         assert row.description
         if row.dtype != "string":
             assert np.dtype(row.dtype).name == row.dtype
@@ -56,7 +58,11 @@ class TestFields:
     def test_only_streams_have_a_time(self) -> None:
         for row in FIELDS:
             first = str(row.dims[0]) if row.dims else ""
-            expected = {"T": "episodes/n_steps", "U": "episodes/n_imu"}.get(first, "")
+            expected = {
+                "T": "episodes/n_steps",
+                "U": "episodes/n_imu",
+                "V": "episodes/n_video",
+            }.get(first, "")
             assert row.length_column == expected
             assert "T" not in row.dims[1:]
 
@@ -86,6 +92,18 @@ class TestExpand:
         for camera in CAMERAS:
             expected += [path.format(camera=camera) for path in per_camera]
         assert sorted(paths) == sorted(expected)
+
+    def test_without_video_there_are_no_video_rows(self) -> None:
+        paths = [row.path for row in expand(dataclasses.replace(CONFIG, video_hz=0))]
+        assert [path for path in paths if "video" in path] == []
+        assert len(paths) == len(expand(CONFIG)) - 2 - 2 * len(CAMERAS)
+
+    def test_labels_name_as_many_objects_as_fall(self) -> None:
+        rows = expand(dataclasses.replace(CONFIG, clutter=ClutterConfig(count=3)))
+        named = [row for row in rows if row.names[:1] == ("background",)]
+        assert len(named) == 2 + len(CAMERAS)
+        for row in named:
+            assert row.names[5:] == ("target", "object_1", "object_2")
 
     def test_only_the_path_changes(self) -> None:
         by_path = {row.path: row for row in FIELDS}

@@ -117,7 +117,9 @@ def test_the_caption_of_a_collision_names_what_was_hit() -> None:
 def test_a_planned_grasp_is_drawn_where_it_projects() -> None:
     made = episode()
     K = np.array([[30.0, 0, 16], [0, 30.0, 12], [0, 0, 1]])
-    front = dataclasses.replace(made.cameras["front"], intrinsics=K, T_world_camera=np.eye(4))
+    front = dataclasses.replace(
+        made.cameras["front"], intrinsics=K, T_world_camera=np.stack([np.eye(4)] * 2)
+    )
     columns = dict(made.columns) | {
         "grasp_position": np.array([0.0, 0.0, 1.0]),
         "grasp_quat_xyzw": np.array([0.0, 0.0, 0.0, 1.0]),
@@ -137,7 +139,7 @@ def test_a_grasp_behind_the_camera_or_none_is_not_drawn() -> None:
     front = made.cameras["front"]
     assert painting.grasp_pixels(made, front) is None
     behind = apply(np.eye(4), np.array([0.0, 0.0, -1.0]))
-    T = dataclasses.replace(front, T_world_camera=inverse(np.eye(4)))
+    T = dataclasses.replace(front, T_world_camera=inverse(np.stack([np.eye(4)] * 2)))
     columns = dict(made.columns) | {
         "grasp_position": behind,
         "grasp_quat_xyzw": np.array([0.0, 0.0, 0.0, 1.0]),

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -11,10 +12,12 @@ from scenes import SMALL
 from grasp_factory.camera import Camera, Intrinsics, Light, deproject, zbuffer_to_depth
 from grasp_factory.errors import GraspFactoryError, RecipeError
 from grasp_factory.geometry import IDENTITY, Pose, apply, look_at
+from grasp_factory.objects import MAX_PARTS, OBJECT_SETS, Compound, Part
 from grasp_factory.sections import PhysicsConfig
 from grasp_factory.world import DATA, World
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
+BOTTLE = OBJECT_SETS["procedural"].model("procedural/bottle/1")
 
 
 @pytest.fixture
@@ -178,3 +181,31 @@ def test_importing_the_world_prints_nothing():
     code = "import grasp_factory.world as w; w.World().close()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert (done.stdout, done.stderr) == (b"", b"")
+
+
+@pytest.mark.parametrize("folder", ["plain", "jos\u00e9", "\u684c\u5b50"])
+def test_a_mesh_is_loaded_from_a_folder_of_any_name(world, tmp_path, folder):
+    place = tmp_path / folder
+    place.mkdir()
+    shipped = Path(next(p for p in BOTTLE.body.parts if p.shape.endswith(".obj")).shape)
+    mesh = place / "mesh.obj"
+    mesh.write_bytes(shipped.read_bytes())
+    part = Part(shape=str(mesh), size=(0.1, 0.1, 0.1))
+    body = Compound(parts=(part,), gyration_squared=(1e-3, 1e-3, 1e-3))
+    created = world.add_compound(body, IDENTITY, mass=0.1)
+    lower, upper = world.bounds(created)
+    assert np.ptp([lower, upper], axis=0) == pytest.approx([0.1] * 3, abs=0.01)
+
+
+def test_a_body_of_more_parts_than_the_engine_survives_is_refused(world):
+    part = Part(shape="box", size=(0.1, 0.1, 0.1))
+    body = Compound(parts=(part,) * (MAX_PARTS + 1), gyration_squared=(1e-3, 1e-3, 1e-3))
+    with pytest.raises(RecipeError, match="17 parts, valid: 1 to 16"):
+        world.add_compound(body, IDENTITY, mass=0.1)
+
+
+def test_a_body_whose_mesh_is_gone_is_refused(world, tmp_path):
+    part = Part(shape=str(tmp_path / "gone.obj"), size=(1.0, 1.0, 1.0))
+    body = Compound(parts=(part,), gyration_squared=(1e-3, 1e-3, 1e-3))
+    with pytest.raises(RecipeError):
+        world.add_compound(body, IDENTITY, mass=0.1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from grasp_factory.errors import lookup
 from grasp_factory.objects.base import (
     MAX_PARTS,
     Compound,
@@ -15,9 +16,24 @@ from grasp_factory.objects.base import (
 )
 from grasp_factory.objects.blobs import BLOBS
 from grasp_factory.objects.classic import CLASSIC
+from grasp_factory.objects.folder import load_folder
+from grasp_factory.objects.procedural import PROCEDURAL
 from grasp_factory.objects.visual import visual_parts
 
-OBJECT_SETS: Mapping[str, ObjectSet] = {s.name: s for s in (BLOBS, CLASSIC)}
+OBJECT_SETS: Mapping[str, ObjectSet] = {s.name: s for s in (BLOBS, CLASSIC, PROCEDURAL)}
+
+
+def find_set(name: str, folder_sha256: str = "") -> ObjectSet:
+    """Return a set of the table, or the user's set with that digest of its contents.
+
+    Raises:
+        UnknownNameError: naming the nearest and all valid names.
+        ConfigError: if the user's set has not been imported on this machine.
+    """
+    if folder_sha256:
+        return load_folder(name, folder_sha256)
+    return lookup(OBJECT_SETS, "object set", name)
+
 
 __all__ = [
     "MAX_PARTS",
@@ -28,5 +44,6 @@ __all__ = [
     "ObjectSet",
     "Part",
     "UrdfFile",
+    "find_set",
     "visual_parts",
 ]

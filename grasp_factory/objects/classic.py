@@ -1,44 +1,43 @@
-"""The three objects of the classic PyBullet scripts: cube, sphere and duck."""
+"""The graspable bodies that pybullet_data ships one by one.
+
+Left out for their size are the domino, 6 mm thick where it lies, and the mug, 82 mm wide, which
+collides as if it were full besides; the procedural mugs are hollow.
+"""
 
 from __future__ import annotations
 
-from grasp_factory.objects.base import FiniteSet, ObjectModel, UrdfFile
+from grasp_factory.objects.base import FiniteSet, ObjectModel, UrdfFile, Vector3
 
-# Sizes and masses (0.1 kg) are those of the URDF files in pybullet_data; the
-# duck's box is that of duck_vhacd.obj at the URDF's scale. Friction 0.5 is Bullet's default and
-# a middling dry contact: the pads' own coefficient is 1, so it is the pair's value.
+
+def _model(name: str, path: str, lower: Vector3, upper: Vector3, mass: float) -> ObjectModel:
+    return ObjectModel(
+        object_id=f"classic/{name}",
+        family=name,
+        body=UrdfFile(path=path),
+        lower=lower,
+        upper=upper,
+        mass=mass,
+        # Bullet's default and a middling dry contact: the pads' own coefficient is 1, so it is
+        # the pair's value.
+        lateral_friction=0.5,
+    )
+
+
+# Boxes and spheres are those of the files' collision shapes; the boxes of duck and teddy those of
+# duck_vhacd.obj and teddy2_VHACD_CHs.obj at the files' scale, to 0.1 mm. Masses are the files',
+# but for the brick, whose 0.1 kg would be denser than stone: this is solid ABS, 1050 kg/m3.
 _MODELS = (
-    ObjectModel(
-        object_id="classic/cube",
-        family="cube",
-        body=UrdfFile(path="cube_small.urdf"),
-        lower=(-0.025, -0.025, -0.025),
-        upper=(0.025, 0.025, 0.025),
-        mass=0.1,
-        lateral_friction=0.5,
-    ),
-    ObjectModel(
-        object_id="classic/sphere",
-        family="sphere",
-        body=UrdfFile(path="sphere_small.urdf"),
-        lower=(-0.03, -0.03, -0.03),
-        upper=(0.03, 0.03, 0.03),
-        mass=0.1,
-        lateral_friction=0.5,
-    ),
-    ObjectModel(
-        object_id="classic/duck",
-        family="duck",
-        body=UrdfFile(path="duck_vhacd.urdf"),
-        lower=(-0.0484, 0.0047, -0.0273),
-        upper=(0.0344, 0.0821, 0.0308),
-        mass=0.1,
-        lateral_friction=0.5,
-    ),
+    _model("cube", "cube_small.urdf", (-0.025, -0.025, -0.025), (0.025, 0.025, 0.025), 0.1),
+    _model("sphere", "sphere_small.urdf", (-0.03, -0.03, -0.03), (0.03, 0.03, 0.03), 0.1),
+    _model("duck", "duck_vhacd.urdf", (-0.0484, 0.0047, -0.0273), (0.0344, 0.0821, 0.0308), 0.1),
+    _model("teddy", "teddy_vhacd.urdf", (0.0298, 0.0195, 0.0009), (0.1059, 0.1127, 0.0637), 0.1),
+    _model("block", "block.urdf", (-0.05, -0.009, -0.009), (0.05, 0.009, 0.009), 0.02),
+    _model("jenga", "jenga/jenga.urdf", (-0.075, -0.025, -0.015), (0.075, 0.025, 0.015), 0.05),
+    _model("lego", "lego/lego.urdf", (-0.016, -0.016, -0.0115), (0.016, 0.016, 0.0115), 0.025),
 )
 
 CLASSIC = FiniteSet(
     name="classic",
-    description="cube, sphere and duck of pybullet_data",
+    description="cube, sphere, duck, teddy, wooden blocks and a toy brick of pybullet_data",
     models={model.object_id: model for model in _MODELS},
 )

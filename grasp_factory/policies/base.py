@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grasp_factory.camera import deproject
 from grasp_factory.episode import GraspPlan, SceneView
@@ -52,11 +53,23 @@ def inner_settings(policy: Policy, plain: Mapping[str, Any], key: str) -> Any:
 
 def target_points(view: SceneView) -> Array:
     """Return the target's visible points (K, 3), world frame, metres, over all cameras."""
+    return visible_points(view, lambda labels: labels == view.target_label)
+
+
+def visible_points(
+    view: SceneView, chosen: Callable[[NDArray[np.uint8]], NDArray[np.bool_]]
+) -> Array:
+    """Return the visible points (K, 3) of the labels ``chosen``, world, metres, over all cameras.
+
+    Args:
+        view: What is seen.
+        chosen: From labels to which of them are meant.
+    """
     clouds = [np.zeros((0, 3))]
     for image in view.images.values():
-        points = deproject(image.depth.astype(np.float64), image.intrinsics)
-        seen = image.segmentation == view.target_label
-        clouds.append(apply(image.T_world_camera, points[seen]))
+        seen = chosen(image.segmentation)
+        points = deproject(image.depth.astype(np.float64), image.intrinsics)[seen]
+        clouds.append(apply(image.T_world_camera, points))
     return np.vstack(clouds)
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.camera import deproject
 from grasp_factory.episode import SceneView
-from grasp_factory.geometry import Array, apply
+from grasp_factory.geometry import Array
 from grasp_factory.outcome import Label
+from grasp_factory.policies.base import visible_points
 
 CELL = 0.004
 """Metres: side of a column."""
@@ -58,9 +58,4 @@ class Columns:
 
 def object_points(view: SceneView) -> Array:
     """Return the visible points (N, 3) of all objects, world frame, metres."""
-    clouds = [np.zeros((0, 3))]
-    for image in view.images.values():
-        seen = image.segmentation >= Label.TARGET
-        points = deproject(image.depth.astype(np.float64), image.intrinsics)[seen]
-        clouds.append(apply(image.T_world_camera, points))
-    return np.vstack(clouds)
+    return visible_points(view, lambda labels: labels >= Label.TARGET)

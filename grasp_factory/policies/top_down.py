@@ -7,9 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from grasp_factory.episode import Grasp, GraspPlan, SceneView
-from grasp_factory.geometry import Array
+from grasp_factory.geometry import Array, apply, inverse
 from grasp_factory.gripper import Gripper
-from grasp_factory.policies.base import TIP_CLEARANCE, Policy, looking_down, target_points
+from grasp_factory.policies.base import (
+    TIP_CLEARANCE,
+    Policy,
+    looking_down,
+    target_points,
+    visible_points,
+)
+from grasp_factory.policies.clearance import is_hit, open_gripper
 from grasp_factory.records import check_range
 
 YAWS = 24
@@ -18,6 +25,10 @@ OFFSETS = (-0.02, -0.01, 0.0, 0.01, 0.02)
 """Metres from the target's middle, across the closing direction, at which it may be grasped."""
 RANKED = 8
 """Grasps that are proposed, the best first."""
+THINNING = 7
+"""One in so many visible points of other objects is looked at; they lie some 1 mm apart."""
+CLEARANCE = 0.003
+"""Metres that the gripper shall keep from them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +48,8 @@ class TopDownParameters:
 def plan(view: SceneView, rng: np.random.Generator, settings: TopDownParameters) -> GraspPlan:
     """Return downward grasps, those first that span little and lie near the target's middle.
 
+    Grasps at which the gripper would meet what is seen of other objects come last.
+
     The target's visible points are cut into strips as wide as a finger; a strip's extent along
     the closing direction is what the gripper must span there.
     """
@@ -48,8 +61,17 @@ def plan(view: SceneView, rng: np.random.Generator, settings: TopDownParameters)
     middle = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2.0
     outline = _Outline(points[:, :2] - middle, middle, z, view.gripper, settings)
     grasps = [grasp for yaw in np.arange(YAWS) * np.pi / YAWS for grasp in outline.along(yaw)]
-    grasps.sort(key=lambda grasp: -grasp.score)
+    neighbors = visible_points(view, lambda labels: labels > view.target_label)[::THINNING]
+    grasps.sort(key=lambda grasp: (_meets(grasp, view.gripper, neighbors), -grasp.score))
     return GraspPlan(grasps=tuple(grasps[:RANKED]))
+
+
+def _meets(grasp: Grasp, gripper: Gripper, points: Array) -> bool:
+    """Return whether the open gripper would be where the points (N, 3), world, are."""
+    if not len(points):
+        return False
+    at_tcp = apply(inverse(grasp.T_world_tcp), points)
+    return is_hit(open_gripper(gripper, grasp.width), at_tcp, CLEARANCE)
 
 
 def grasp_height(top: float, gripper: Gripper) -> float:

@@ -9,10 +9,11 @@ from grasp_factory.sensors.base import Sensor, Tick
 from grasp_factory.sensors.clock import Clock
 from grasp_factory.sensors.encoders import Encoders
 from grasp_factory.sensors.hand import HandContact
-from grasp_factory.sensors.images import Render, capture, make_camera, render
+from grasp_factory.sensors.images import Render, develop, make_camera, render
 from grasp_factory.sensors.imu import WristImu
 from grasp_factory.sensors.tactile import TactilePads
 from grasp_factory.sensors.tracker import ObjectTracker, object_frame
+from grasp_factory.sensors.video import Video
 from grasp_factory.sensors.wrist import WristForceTorque
 from grasp_factory.world import World
 
@@ -34,8 +35,9 @@ __all__ = [
     "Render",
     "Sensor",
     "Tick",
+    "Video",
     "WristImu",
-    "capture",
+    "develop",
     "make_camera",
     "object_frame",
     "render",

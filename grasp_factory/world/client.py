@@ -21,11 +21,14 @@ from grasp_factory.geometry import Pose
 from grasp_factory.objects import Compound
 from grasp_factory.sections import PhysicsConfig
 from grasp_factory.world.engine import DATA, muted, p
-from grasp_factory.world.solids import create_compound
+from grasp_factory.world.solids import create_box, create_compound
+from grasp_factory.world.textures import load_texture
 
 CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so it is set at each one
 
 Row = tuple[Any, ...]
+Hidden = list[tuple[int, int, Sequence[float]]]
+"""Link, its shape and the shape's colour, to show a body again."""
 
 
 @cache
@@ -148,18 +151,41 @@ class World:
     ) -> int:
         """Create a box (static when ``mass`` is 0) and return the body."""
         self._refuse_when_sealed("add a body")
-        client = self._client
-        shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=half_extents, physicsClientId=client)
-        visual = p.createVisualShape(
-            p.GEOM_BOX, halfExtents=half_extents, rgbaColor=rgba, physicsClientId=client
-        )
-        body: int = p.createMultiBody(mass, shape, visual, position, physicsClientId=client)
+        body = create_box(self._client, half_extents, position, mass=mass, rgba=rgba)
         self._undamp(body)
         return body
 
-    def hide(self, body: int) -> None:
-        """Leave a body out of all renders from now on; its physics stay."""
-        p.changeVisualShape(body, -1, rgbaColor=(0, 0, 0, 0), physicsClientId=self._client)
+    # -- looks ----------------------------------------------------------------------------
+
+    def set_look(self, body: int, color: Sequence[float], texture: str = "") -> None:
+        """Show a body in a colour (RGB, 0 to 1), multiplied with a texture's where one is named.
+
+        Raises:
+            UnknownNameError: if there is no such texture.
+        """
+        for link in (-1, *self._joint_range(body)):
+            p.changeVisualShape(
+                body,
+                link,
+                rgbaColor=(*color, 1.0),
+                textureUniqueId=load_texture(self._client, texture) if texture else -1,
+                physicsClientId=self._client,
+            )
+
+    def hide(self, body: int) -> Hidden:
+        """Leave a body out of all renders until ``show``; its physics stay."""
+        hidden: Hidden = []
+        for row in p.getVisualShapeData(body, physicsClientId=self._client):
+            link, rgba = row[1], row[7]
+            shape = sum(link == other for other, _, _ in hidden)  # they are counted by link
+            hidden.append((link, shape, rgba))
+            self._tint(body, link, shape, (0.0, 0.0, 0.0, 0.0))
+        return hidden
+
+    def show(self, body: int, hidden: Hidden) -> None:
+        """Show a body again as it was."""
+        for link, shape, rgba in hidden:
+            self._tint(body, link, shape, rgba)
 
     def change_dynamics(self, body: int, link: int, **settings: Any) -> None:
         """Set dynamics by PyBullet's own names (``mass``, ``lateralFriction``, ...)."""
@@ -257,6 +283,11 @@ class World:
         """Return (linear m/s, angular rad/s) of a body's centre of mass, world."""
         return tuple(p.getBaseVelocity(body, physicsClientId=self._client))
 
+    def bounds(self, body: int) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the corners (lower, upper) of the box around a body's base, world, metres."""
+        lower, upper = p.getAABB(body, -1, physicsClientId=self._client)
+        return lower, upper
+
     def inertial_frame(self, body: int, link: int = -1) -> Pose:
         """Return the pose of a link's inertial frame in its URDF frame."""
         info = p.getDynamicsInfo(body, link, physicsClientId=self._client)
@@ -297,6 +328,11 @@ class World:
             physicsClientId=self._client,
         )
         return rgba[..., :3], zbuffer, mask
+
+    def _tint(self, body: int, link: int, shape: int, rgba: Sequence[float]) -> None:
+        p.changeVisualShape(
+            body, link, shapeIndex=shape, rgbaColor=rgba, physicsClientId=self._client
+        )
 
     def _undamp(self, body: int) -> None:
         """Take away the damping that Bullet gives every link (0.04): there is no such air here."""

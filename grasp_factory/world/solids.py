@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from grasp_factory.errors import RecipeError
-from grasp_factory.geometry import Pose
+from grasp_factory.geometry import IDENTITY, Pose
 from grasp_factory.objects import MAX_PARTS, Compound, Part, visual_parts
 from grasp_factory.world.engine import p
 
@@ -34,11 +37,7 @@ def create_compound(
         shape = p.createCollisionShapeArray(
             **_arrays(body.parts, scale, "collision"), physicsClientId=client
         )
-        visual = p.createVisualShapeArray(
-            **_arrays(seen, scale, "visual"),
-            rgbaColors=[list(rgba)] * len(seen),
-            physicsClientId=client,
-        )
+        visual = _create_visual(client, seen, scale, rgba)
         inertial = body.inertial_frame
         created: int = p.createMultiBody(
             mass,
@@ -57,10 +56,43 @@ def create_compound(
     return created
 
 
+def create_box(
+    client: int,
+    half_extents: Sequence[float],
+    position: Sequence[float],
+    *,
+    mass: float,
+    rgba: Sequence[float],
+) -> int:
+    """Create a box and return the body."""
+    x, y, z = (2.0 * float(half) for half in half_extents)
+    box = Part(shape="box", size=(x, y, z))
+    seen = visual_parts(Compound(parts=(box,), gyration_squared=(0.0, 0.0, 0.0)))
+    shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=half_extents, physicsClientId=client)
+    visual = _create_visual(client, seen, 1.0, rgba)
+    created: int = p.createMultiBody(mass, shape, visual, position, physicsClientId=client)
+    return created
+
+
+def _create_visual(client: int, seen: Sequence[Part], scale: float, rgba: Sequence[float]) -> int:
+    created: int = p.createVisualShapeArray(
+        **_arrays(seen, scale, "visual"),
+        rgbaColors=[list(rgba)] * len(seen),
+        physicsClientId=client,
+    )
+    return created
+
+
 def _arrays(parts: Sequence[Part], scale: float, kind: str) -> dict[str, Any]:
     """Return PyBullet's arrays for some parts; what a type does not use is a placeholder."""
     sizes = [_scaled(part.size, scale) for part in parts]
     is_mesh = [part.shape not in _TYPES for part in parts]
+    frames = {
+        f"{kind}FramePositions": [_scaled(part.pose.position, scale) for part in parts],
+        f"{kind}FrameOrientations": [list(part.pose.quat_xyzw) for part in parts],
+    }
+    if len(parts) == 1 and parts[0].pose == IDENTITY:
+        frames = {}  # with a frame, the engine wraps the one shape into a slower compound
     return {
         "shapeTypes": [_TYPES.get(part.shape, p.GEOM_MESH) for part in parts],
         "radii": [size[0] / 2.0 for size in sizes],
@@ -70,12 +102,26 @@ def _arrays(parts: Sequence[Part], scale: float, kind: str) -> dict[str, Any]:
             for part, size in zip(parts, sizes, strict=True)
         ],
         "fileNames": [
-            part.shape if mesh else "" for part, mesh in zip(parts, is_mesh, strict=True)
+            _openable(Path(part.shape)) if mesh else ""
+            for part, mesh in zip(parts, is_mesh, strict=True)
         ],
         "meshScales": sizes,
-        f"{kind}FramePositions": [_scaled(part.pose.position, scale) for part in parts],
-        f"{kind}FrameOrientations": [list(part.pose.quat_xyzw) for part in parts],
+        **frames,
     }
+
+
+@cache
+def _openable(file: Path) -> str:
+    """Return a name for a file that the engine can take: with other letters it crashes."""
+    if str(file).isascii():
+        return str(file)
+    return f"/proc/self/fd/{_directory(file.parent)}/{file.name}"
+
+
+@cache
+def _directory(path: Path) -> int:
+    """Return a descriptor of a directory; the engine caches by name, so it stays open."""
+    return os.open(path, os.O_PATH)
 
 
 def _scaled(vector: Sequence[float], scale: float) -> list[float]:

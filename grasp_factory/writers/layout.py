@@ -21,7 +21,7 @@ ZSTD_LEVEL = 3
 # names of an array durable, and the block's number leads every file name, also while LocalStore
 # writes it aside as 3.0.<uuid>.partial. (With "c.3", a one-dimensional array's aside file would be
 # c.<uuid>.partial, which tells nobody whose it is.)
-_KEYS = {"name": "v2", "separator": "."}
+KEYS = {"name": "v2", "separator": "."}
 
 # An empty chunk is written like any other. Left out, it would read back as the fill value, and
 # a NaN or a -0.0 of the episode could come back with other bits than went in.
@@ -33,6 +33,7 @@ _DIMENSIONS = {
     "M": "object",
     "P": "contact",
     "U": "imu_step",
+    "V": "video_frame",
     "H": "row",
     "W": "column",
 }
@@ -50,7 +51,9 @@ def create_array(
     whole = shape(row, config, joints, n)
     block = (config.block_size, *whole[1:])
     if row.is_image:
-        chunks, shards = (1, 1, *whole[2:]), block
+        # A block of videos would be too large to hold: an episode of them is a shard.
+        shards = (1, *whole[1:]) if row.is_video else block
+        chunks = (1, 1, *whole[2:])
     elif row.length_column:
         chunks, shards = (1, *whole[1:]), block
     else:
@@ -63,7 +66,7 @@ def create_array(
         dtype=str if row.dtype == "string" else row.dtype,
         fill_value=row.fill,
         compressors=[ZstdCodec(level=ZSTD_LEVEL)],
-        chunk_key_encoding=_KEYS,  # type: ignore[arg-type]
+        chunk_key_encoding=KEYS,  # type: ignore[arg-type]
         dimension_names=dimension_names(row),
         attributes=attributes(row),
         config=RUNTIME,
@@ -90,7 +93,15 @@ def attributes(row: schema.Field) -> dict[str, Any]:
     return out
 
 
-def files_of_block(array_dir: Path, block: int) -> list[Path]:
-    """Return an array's files that belong to a block, half-written ones included."""
-    name, prefix = str(block), f"{block}."
-    return sorted(p for p in array_dir.iterdir() if p.name == name or p.name.startswith(prefix))
+def shard_numbers(row: schema.Field, block: int, rows: range) -> range:
+    """Return the numbers that lead the names of a field's files of a block, whose rows these are.
+
+    They count blocks; those of videos count episodes.
+    """
+    return rows if row.is_video else range(block, block + 1)
+
+
+def files_of(array_dir: Path, numbers: range) -> list[Path]:
+    """Return an array's files with these numbers, half-written ones included."""
+    heads = {str(number) for number in numbers}
+    return sorted(p for p in array_dir.iterdir() if p.name.partition(".")[0] in heads)

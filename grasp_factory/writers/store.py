@@ -10,6 +10,7 @@ import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from grasp_factory.writers.header import (
     root_attributes,
 )
 from grasp_factory.writers.layout import create_array, shape
+from grasp_factory.writers.objects import GROUP, add_objects
 
 _OTHER = "choose another --out"
 _ASIDE = ".creating"
@@ -49,7 +51,13 @@ def check_place(path: Path, config: FactoryConfig) -> Path:
 
 
 def prepare_store(
-    path: Path, config: FactoryConfig, joints: int, n: int, extra: Mapping[str, Any]
+    path: Path,
+    config: FactoryConfig,
+    joints: int,
+    n: int,
+    extra: Mapping[str, Any],
+    *,
+    objects: Mapping[str, bytes] = MappingProxyType({}),
 ) -> None:
     """Make sure that ``path`` holds a store of this config with room for ``n`` episodes.
 
@@ -63,6 +71,7 @@ def prepare_store(
         joints: joint count of the config's robot.
         n: episodes.
         extra: more root attributes, JSON data, for a new store.
+        objects: archives of users' objects for a new store, by the name of their set.
 
     Raises:
         StoreMismatchError: if the path holds anything else, or cannot be written.
@@ -71,7 +80,7 @@ def prepare_store(
     target = locate(path)  # through a link to the store itself, which a rename would replace
     try:
         if _is_free(target):
-            _create(target, config, joints, n, extra)
+            _create(target, config, joints=joints, n=n, extra=extra, objects=objects)
         else:
             _check_same(path, config)
             _grow(path, config, joints, n)
@@ -104,7 +113,13 @@ def _is_free(target: Path) -> bool:
 
 
 def _create(
-    target: Path, config: FactoryConfig, joints: int, n: int, extra: Mapping[str, Any]
+    target: Path,
+    config: FactoryConfig,
+    *,
+    joints: int,
+    n: int,
+    extra: Mapping[str, Any],
+    objects: Mapping[str, bytes],
 ) -> None:
     inside = target.exists()  # an empty directory, perhaps a mount point: it stays what it is
     aside = target / _ASIDE if inside else target.with_name(f".{target.name}{_ASIDE}")
@@ -115,6 +130,8 @@ def _create(
         root = zarr.create_group(aside, zarr_format=3, attributes=root_attributes(config, extra))
         for row in schema.expand(config):
             create_array(root, row, config, joints, n)
+        for name, archive in objects.items():
+            add_objects(root, name, archive)
         fsync_tree(aside)
         if inside:
             for piece in sorted(aside.iterdir(), key=lambda piece: piece.name == "zarr.json"):
@@ -133,13 +150,13 @@ def _create(
 
 
 def _remove_leftovers(place: Path) -> None:
-    """Remove what a creation that did not end has left: metadata only.
+    """Remove what a creation that did not end has left: metadata and users' objects.
 
     ``place`` is what it made itself, which goes too, or the empty directory that it began with.
     """
     # Anything else there is not ours to delete.
     files = (p for p in place.rglob("*") if p.is_symlink() or not p.is_dir())
-    others = [p for p in files if p.is_symlink() or not p.name.startswith("zarr.")]
+    others = [p for p in files if p.is_symlink() or not _is_of_creation(p.relative_to(place))]
     if others:
         raise StoreMismatchError(f"{place} is in the way: it holds {others[0].name}; move it")
     if place.name.endswith(_ASIDE):
@@ -147,6 +164,11 @@ def _remove_leftovers(place: Path) -> None:
         return
     for piece in sorted(place.iterdir(), key=lambda piece: piece.name == _ASIDE):
         shutil.rmtree(piece)  # the directory that marks a creation goes last
+
+
+def _is_of_creation(file: Path) -> bool:
+    is_chunk = file.name.partition(".")[0].isdigit()
+    return file.name.startswith("zarr.") or (GROUP in file.parts and is_chunk)
 
 
 def _check_same(path: Path, config: FactoryConfig) -> None:

@@ -16,7 +16,7 @@ from grasp_factory.schema import Field
 from grasp_factory.writers.base import Quarantined, Writer, check_rows
 from grasp_factory.writers.files import fsync
 from grasp_factory.writers.header import open_array, open_store
-from grasp_factory.writers.layout import RUNTIME, files_of_block
+from grasp_factory.writers.layout import RUNTIME, files_of, shard_numbers
 
 COMMITTED, QUARANTINED = 1, 2
 _NOT_IN_AN_EPISODE = ("episodes/status", "episodes/checksum", "episodes/error")
@@ -98,17 +98,22 @@ class ZarrWriter(Writer):
 
     def _clear(self, block: int) -> None:
         markers = self.path / schema.STATUS.path
-        committed = files_of_block(markers, block)
+        committed = self._files_of(schema.STATUS, block)
         for file in committed:
             file.unlink()
         if committed:  # durable before the data goes: a power cut must not leave the marker alone
             fsync([markers])
         for row in self._fields:
-            for file in files_of_block(self.path / row.path, block):
+            for file in self._files_of(row, block):
                 file.unlink()
 
     def _write(self, row: Field, start: int, values: Sequence[Values]) -> None:
         array = self._arrays[row.path]
+        if row.is_video:
+            for i, value in enumerate(values, start):
+                if len(value.get(row.path, ())):
+                    array[i, : len(value[row.path])] = value[row.path]
+            return
         stop = min(start + self.block_size, self.length)
         dtype = np.dtypes.StringDType() if row.dtype == "string" else np.dtype(row.dtype)
         whole = np.full((stop - start, *array.shape[1:]), row.fill, dtype)
@@ -123,6 +128,10 @@ class ZarrWriter(Writer):
 
     def _files(self, block: int, fields: Sequence[Field]) -> Iterator[Path]:
         for row in fields:
-            directory = self.path / row.path
-            yield from files_of_block(directory, block)
-            yield directory
+            yield from self._files_of(row, block)
+            yield self.path / row.path
+
+    def _files_of(self, row: Field, block: int) -> list[Path]:
+        start = block * self.block_size
+        rows = range(start, min(start + self.block_size, self.length))
+        return files_of(self.path / row.path, shard_numbers(row, block, rows))

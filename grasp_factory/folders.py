@@ -1,0 +1,72 @@
+"""Folders of a user's own objects on the command line: imported, reported, named."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+
+from grasp_factory.errors import UsageError, lookup
+from grasp_factory.meshes import FolderReport, import_folder, printable
+from grasp_factory.objects import OBJECT_SETS
+from grasp_factory.robots import ROBOTS
+
+
+WARNINGS = 10
+"""Objects whose warnings are printed before a run; the listing has them all."""
+
+
+def import_for(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderReport:
+    """Import a folder for a robot's gripper, with a line of progress where someone looks.
+
+    Args:
+        path: The folder.
+        robot: One of the table's.
+        taken: Names that other folders have.
+
+    Raises:
+        UsageError: for a folder that cannot be imported.
+        UnknownNameError: for an unknown robot.
+    """
+    widest = lookup(ROBOTS, "robot", robot).gripper.max_width
+    name = _set_name(path, taken)
+    return import_folder(path, name, widest, _progress if sys.stderr.isatty() else None)
+
+
+def import_usable(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderReport:
+    """Import a folder and say on stderr what of it cannot be used.
+
+    Raises:
+        UsageError: for a folder that cannot be imported, or in which nothing can be used.
+    """
+    report = import_for(path, robot, taken)
+    for refusal in report.refused:
+        click.echo(f"{path}: {printable(refusal.file)} is not used: {refusal.reason}", err=True)
+    warned = [(item.file, "; ".join(item.warnings)) for item in report.usable if item.warnings]
+    for file, warning in warned[:WARNINGS]:
+        click.echo(f"{path}: {printable(file)}: {warning}", err=True)
+    if len(warned) > WARNINGS:
+        more = f"{len(warned) - WARNINGS} more warnings: `grasp-factory objects {path}`"
+        click.echo(f"{path}: {more}", err=True)
+    if not report.usable:
+        raise UsageError(f"{path}: no object in it can be used; `grasp-factory objects {path}`")
+    return report
+
+
+def _set_name(path: Path, taken: Iterable[str]) -> str:
+    """Return a set's name for a folder: its own, as far as it can be one, and free."""
+    name = re.sub(r"\W", "_", path.resolve().name) or "objects"
+    if name[0].isdigit():
+        name = f"_{name}"
+    used = {*OBJECT_SETS, *taken}
+    while name in used:
+        name += "_"
+    return name
+
+
+def _progress(done: int, total: int, file: str) -> None:
+    text = f"importing {done + 1} of {total}: {printable(file)[:60]}" if file else ""
+    click.echo(f"\r\033[K{text}", err=True, nl=False)

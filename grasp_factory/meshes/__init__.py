@@ -1,0 +1,9 @@
+"""Import of a user's folder of meshes: read, checked, decomposed into convex parts and cached."""
+
+from __future__ import annotations
+
+from grasp_factory.meshes.base import FolderReport, ImportedObject, Refusal
+from grasp_factory.meshes.importing import import_folder
+from grasp_factory.meshes.report import printable, report_text
+
+__all__ = ["FolderReport", "ImportedObject", "Refusal", "import_folder", "printable", "report_text"]

@@ -1,0 +1,98 @@
+"""What the importer asks of its child process, and what it gets: plain records and bytes.
+
+The child is given the content of files, never their paths: it has no reason to open any.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+from grasp_factory.objects.base import Vector3
+from grasp_factory.objects.folder import Geometry, Quaternion
+from grasp_factory.objects.folder_cache import digest
+from grasp_factory.records import to_plain
+
+IMPORTER = 1
+"""Version of the conversion; with another one, whatever is in the cache is made again."""
+_LENGTH = struct.Struct("<Q")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """A primitive or a mesh in the frame of its object."""
+
+    kind: str
+    """One of ``PRIMITIVES`` or ``MESH_SUFFIXES``."""
+    size: Vector3
+    """Sides of a primitive, metres; of a mesh, the scale of its axes."""
+    position: Vector3 = (0.0, 0.0, 0.0)
+    quat_xyzw: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    blob: int = -1
+    """Which of the job's files the mesh is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """An object to convert."""
+
+    collision: tuple[Shape, ...]
+    visual: tuple[Shape, ...] = ()
+    """What is seen; the collision shapes where this is empty."""
+    guess_units: bool = False
+    """The meshes' unit is not known."""
+
+    def key(self, blobs: Sequence[bytes]) -> str:
+        """Return what the result hangs on, as a SHA-256."""
+        parts = [IMPORTER, to_plain(self), [digest(blob) for blob in blobs]]
+        return digest(json.dumps(parts, sort_keys=True).encode())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Converted:
+    """An object as the conversion left it; the files are in the cache."""
+
+    geometry: Geometry
+    volume: float
+    """m3."""
+    sides: Vector3
+    """As in ``ImportedObject``."""
+    color: Vector3 | None = None
+    """Mean of the colours in the meshes."""
+    warnings: tuple[str, ...] = ()
+
+
+def encode(header: Mapping[str, Any], blobs: Sequence[bytes] = ()) -> bytes:
+    """Return one message: its length, its header's length, the header as JSON, the blobs."""
+    text = json.dumps({**header, "sizes": [len(blob) for blob in blobs]}).encode()
+    length = _LENGTH.size + len(text) + sum(len(blob) for blob in blobs)
+    return b"".join([_LENGTH.pack(length), _LENGTH.pack(len(text)), text, *blobs])
+
+
+def message_length(start: bytes) -> int | None:
+    """Return how many bytes a message has, of which the first are given; None if too few are."""
+    if len(start) < _LENGTH.size:
+        return None
+    return _LENGTH.size + int(_LENGTH.unpack_from(start)[0])
+
+
+def decode(message: bytes) -> tuple[dict[str, Any], list[bytes]]:
+    """Return the header and the blobs of a whole message."""
+    at = 2 * _LENGTH.size
+    end = at + int(_LENGTH.unpack_from(message, _LENGTH.size)[0])
+    header = json.loads(message[at:end])
+    blobs = []
+    for size in header.pop("sizes"):
+        blobs.append(message[end : end + size])
+        end += size
+    return header, blobs
+
+
+def receive(stream: BinaryIO) -> bytes:
+    """Return the next message of a stream; empty when it has ended."""
+    start = stream.read(_LENGTH.size)
+    length = message_length(start)
+    return start + stream.read(length - len(start)) if length else b""

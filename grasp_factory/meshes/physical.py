@@ -1,0 +1,106 @@
+"""What an object weighs, how it slides and which colour it has, whoever says so."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from grasp_factory.geometry import Pose, transform
+from grasp_factory.meshes.base import UnusableError
+from grasp_factory.meshes.job import Converted
+from grasp_factory.meshes.settings import DENSITY, FRICTION, MASS_RANGE, Settings
+from grasp_factory.meshes.source import Source
+from grasp_factory.objects.base import Vector3
+from grasp_factory.objects.folder import FolderObject, Geometry
+from grasp_factory.objects.solids import principal_axes
+
+MASSES = (0.001, 5.0)
+"""kg; what an arm of this size lifts at all."""
+FRICTIONS = (0.01, 3.0)
+
+
+def finished(
+    source: Source, found: Converted, own: Settings, defaults: Settings
+) -> tuple[FolderObject, tuple[str, ...]]:
+    """Return an object with its physical properties, and all warnings about it.
+
+    For each property the first holds that says it: the object's own entry in ``objects.yaml``,
+    the URDF, the defaults there, the defaults here.
+
+    Raises:
+        UnusableError: if its mass would be none that a gripper lifts.
+    """
+    warnings = [*source.warnings, *found.warnings]
+    mass = round(_mass(source, found.volume, own, defaults, warnings), 6)
+    item = FolderObject(
+        family=source.family,
+        source_sha256=source.sha256,
+        mass=mass,
+        lateral_friction=_friction(source, own, defaults, warnings),
+        color=found.color or (source.urdf and source.urdf.color) or _color_of(source.sha256),
+        geometry=_geometry(source, found.geometry, warnings),
+    )
+    return item, tuple(warnings)
+
+
+def _mass(
+    source: Source, volume: float, own: Settings, defaults: Settings, warnings: list[str]
+) -> float:
+    said = source.urdf.mass if source.urdf else None
+    if said is not None and not MASSES[0] <= said <= MASSES[1]:
+        warnings.append(f"the URDF's mass, {said:.4g} kg, is left aside")
+        said = None
+    for mass, density in (
+        (own.mass, own.density),
+        (said, None),
+        (defaults.mass, defaults.density),
+    ):
+        if mass is not None:
+            return mass
+        if density is not None:
+            follows = density * volume
+            if not MASSES[0] <= follows <= MASSES[1]:
+                raise UnusableError(
+                    f"with {density:g} kg/m3 it weighs {follows:.3g} kg, valid: {MASSES[0]:g} to"
+                    f" {MASSES[1]:g} kg"
+                )
+            return follows
+    return min(max(DENSITY * volume, MASS_RANGE[0]), MASS_RANGE[1])
+
+
+def _friction(source: Source, own: Settings, defaults: Settings, warnings: list[str]) -> float:
+    said = source.urdf.friction if source.urdf else None
+    if said is not None and not FRICTIONS[0] <= said <= FRICTIONS[1]:
+        warnings.append(f"the URDF's friction, {said:.4g}, is left aside")
+        said = None
+    known = (own.friction, said, defaults.friction)
+    return next((friction for friction in known if friction is not None), FRICTION)
+
+
+def _geometry(source: Source, geometry: Geometry, warnings: list[str]) -> Geometry:
+    """Return the geometry with the URDF's own inertia, where that can be one of such a solid."""
+    urdf = source.urdf
+    if urdf is None or urdf.inertial is None or urdf.mass is None:
+        return geometry
+    com = np.array(urdf.inertial.com) * source.scale
+    R, moments = principal_axes(urdf.inertial.inertia)
+    squares = moments / urdf.mass * source.scale**2
+    low, high = np.array(geometry.lower), np.array(geometry.upper)
+    reach = float((np.maximum(high - com, com - low) ** 2).sum())  # to the farthest corner
+    small, middle, large = np.sort(squares)
+    inside = (low <= com).all() and (com <= high).all()
+    if not (inside and small > 0.0 and small + middle >= large * (1 - 1e-6) and large <= reach):
+        warnings.append("the URDF's inertia is none of a solid of this size: computed instead")
+        return geometry
+    pose = Pose.from_matrix(transform(R, com))
+    x, y, z = (float(square) for square in squares)
+    return dataclasses.replace(
+        geometry, com=pose.position, axes_xyzw=pose.quat_xyzw, gyration_squared=(x, y, z)
+    )
+
+
+def _color_of(sha256: str) -> Vector3:
+    """Return a colour that is an object's own: neither black nor white nor glaring."""
+    red, green, blue = (round(0.25 + 0.6 * byte / 255.0, 3) for byte in bytes.fromhex(sha256)[:3])
+    return red, green, blue

@@ -1,0 +1,93 @@
+"""``objects.yaml``: what a user says about the objects of a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from grasp_factory.errors import ConfigError, nearest, shown
+from grasp_factory.records import check, check_range, from_plain
+from grasp_factory.yamltext import parse_yaml
+
+DENSITY = 500.0
+"""kg/m3, of what nothing is said about: household objects are part air. Softwood has as much."""
+MASS_RANGE = (0.02, 1.0)
+"""kg. A mass that follows from ``DENSITY`` is brought into it: a guess should not be absurd."""
+MAX_TEXT = 2**20
+"""Bytes of the file."""
+FRICTION = 0.5
+"""Bullet's default and a middling dry contact, as of the objects that are shipped."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What may be said about an object; None where nothing is."""
+
+    mass: float | None = None
+    """kg."""
+    density: float | None = None
+    """kg/m3."""
+    friction: float | None = None
+    """Lateral friction coefficient against the fingers."""
+    scale: float | None = None
+    """Metres per unit of a mesh; a factor for a URDF."""
+    skip: bool = False
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "mass": (0.001, 5.0, "kg"),
+            "density": (5.0, 25_000.0, "kg/m3"),
+            "friction": (0.01, 3.0, ""),
+            "scale": (1e-9, 1e6, ""),
+        }
+        for key, (low, high, unit) in ranges.items():
+            if getattr(self, key) is not None:
+                check_range(self, key, low, high, unit)
+        both = None not in (self.mass, self.density)
+        check(not both, "mass", self.mass, "only one of mass and density")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FolderSettings:
+    """The whole file."""
+
+    defaults: Settings = field(default_factory=Settings)
+    """For objects of which nothing else is said."""
+    objects: Mapping[str, Settings] = field(default_factory=dict)
+    """By path in the folder."""
+
+    def of(self, file: str) -> Settings:
+        """Return what is said of one file alone."""
+        return self.objects.get(file, Settings())
+
+    def check_files(self, files: Iterable[str], where: str) -> None:
+        """Refuse settings of files that are not there.
+
+        Raises:
+            ConfigError: naming the nearest file.
+        """
+        valid = set(files)
+        for file in self.objects:
+            if file not in valid:
+                raise ConfigError(
+                    f"{where}: objects: there is no file {shown(file)}{nearest(file, valid)}"
+                )
+
+
+def parse_settings(data: bytes, where: str) -> FolderSettings:
+    """Return the settings of a file's content.
+
+    Raises:
+        ConfigError: naming the key, what it got and what is valid.
+    """
+    if len(data) > MAX_TEXT:
+        raise ConfigError(f"{where} has more than {MAX_TEXT // 2**20} MiB")
+    try:
+        plain: Any = parse_yaml(data.decode("utf-8-sig"), where)
+    except UnicodeDecodeError:
+        raise ConfigError(f"{where} is not UTF-8 text") from None
+    try:
+        return from_plain(FolderSettings, {} if plain is None else plain)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None

@@ -1,0 +1,162 @@
+"""Noise on the records of an episode: each sensor's own, the same whichever way it is read."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.episode import CameraFrames, Episode
+from grasp_factory.errors import UsageError, shown
+from grasp_factory.geometry import Array
+from grasp_factory.noise import depth, encoders, rgb, tactile, wrench
+from grasp_factory.noise.suite import SensorNoise, named_noise
+from grasp_factory.records import is_integer
+from grasp_factory.signals import apply_imu_noise
+
+Streams = Mapping[str, NDArray[Any]]
+
+_READS = {
+    "tactile": ("tactile_wrench", "tactile_force"),
+    "wrist": ("wrist_wrench",),
+    "encoders": ("joint_positions", "joint_velocities", "gripper_width"),
+}
+"""By field of ``SensorNoise``: the streams that its noise changes, and all that it is made from."""
+
+
+def noisy(episode: Episode, noise: str | SensorNoise, seed: int = 0) -> Episode:
+    """Return an episode as its sensors would have shown it.
+
+    Outcome, columns, spec, segmentation, poses, commands, torques and videos stay as they are.
+
+    Args:
+        episode: The clean one.
+        noise: The sensors, or their name in ``NOISE``.
+        seed: The same seed gives the same bytes. Every episode, camera, frame and sensor has noise
+            of its own.
+
+    Raises:
+        UnknownNameError: for a name that is not in ``NOISE``.
+        UsageError: for a seed that is none.
+    """
+    return EpisodeNoise(named_noise(noise), seed).episode(episode)
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeNoise:
+    """A suite of sensors and a seed."""
+
+    noise: SensorNoise
+    seed: int
+
+    def __post_init__(self) -> None:
+        """Refuse what is no seed.
+
+        Raises:
+            UsageError: naming it.
+        """
+        if not is_integer(self.seed) or self.seed < 0:
+            raise UsageError(f"noise seed: got {shown(self.seed)}, valid: a whole number from 0 on")
+
+    def episode(self, clean: Episode) -> Episode:
+        """Return an episode as its sensors would have shown it (see ``noisy``)."""
+        spec = clean.spec
+        cameras = {
+            name: self._frames(spec.index, name, frames, spec.cameras[name].far)
+            for name, frames in clean.cameras.items()
+        }
+        streams = self.streams(spec.index, clean.streams, spec.record_hz)
+        imu = self._imu(spec.index, clean.imu, spec.imu_hz)
+        return replace(clean, cameras=cameras, streams=streams, imu=imu)
+
+    @property
+    def images(self) -> tuple[str, ...]:
+        """Kinds of images that change."""
+        return tuple(kind for kind in ("rgb", "depth") if getattr(self.noise, kind))
+
+    def image(
+        self,
+        clean: NDArray[Any],
+        K: Array,
+        far: float,
+        *,
+        index: int,
+        camera: str,
+        kind: str,
+        frame: int,
+    ) -> NDArray[Any]:
+        """Return one image as its camera would have taken it.
+
+        Args:
+            clean: (H, W, ...).
+            K: (3, 3) pixels.
+            far: Metres: depths from here on are nothing seen.
+            index: The episode's.
+            camera: Its name.
+            kind: One of ``images``; any other stays as it is.
+            frame: 0 before the attempt, 1 after.
+        """
+        seed = self._seed(index, f"cameras/{camera}/{kind}/{frame}")
+        if kind == "depth" and self.noise.depth:
+            return depth.corrupt(self.noise.depth, clean, K, far, seed)
+        if kind == "rgb" and self.noise.rgb:
+            return rgb.corrupt(self.noise.rgb, clean, seed)
+        return clean
+
+    def needs(self, names: Iterable[str]) -> list[str]:
+        """Return the streams to read for some to be shown: themselves and what they depend on."""
+        wanted = dict.fromkeys(names)
+        groups = [reads for sensor, reads in _READS.items() if getattr(self.noise, sensor)]
+        more = [name for reads in groups if wanted.keys() & set(reads) for name in reads]
+        return list(wanted | dict.fromkeys(more))
+
+    def streams(self, index: int, clean: Streams, rate_hz: float) -> dict[str, NDArray[Any]]:
+        """Return an episode's streams as the sensors would have shown them.
+
+        Args:
+            index: The episode's.
+            clean: Each (T, ...); of a sensor all that ``needs`` names, or none.
+            rate_hz: Records per second.
+        """
+        changed: dict[str, Array] = {}
+        for sensor, reads in _READS.items():
+            model = getattr(self.noise, sensor)
+            if model is None or not set(reads) <= clean.keys():
+                continue
+            seed, first = self._seed(index, f"streams/{sensor}"), clean[reads[0]]
+            if sensor == "tactile":
+                felt = tactile.corrupt(model, first, rate_hz, seed)
+                changed["tactile_wrench"] = felt
+                changed["tactile_force"] = tactile.carry_over(clean, felt)
+            elif sensor == "wrist":
+                changed["wrist_wrench"] = wrench.corrupt(model, first, rate_hz, seed)
+            else:
+                speed, width = clean["joint_velocities"], clean["gripper_width"]
+                changed |= encoders.corrupt(model, first, speed, width, seed)._asdict()
+        return dict(clean) | {k: v.astype(clean[k].dtype) for k, v in changed.items()}
+
+    def _frames(self, index: int, camera: str, clean: CameraFrames, far: float) -> CameraFrames:
+        K = clean.intrinsics
+        images = {}
+        for kind in self.images:
+            images[kind] = np.stack([
+                self.image(image, K, far, index=index, camera=camera, kind=kind, frame=frame)
+                for frame, image in enumerate(getattr(clean, kind))
+            ])  # fmt: skip
+        return replace(clean, **images)
+
+    def _imu(self, index: int, clean: Streams, rate_hz: float) -> Streams:
+        if self.noise.imu is None:
+            return clean
+        signals = clean["specific_force"], clean["angular_velocity"]
+        # The seed of signals.md's example: what a reader applies by hand is the same.
+        read = apply_imu_noise(self.noise.imu, *signals, rate_hz, [self.seed, index])
+        return dict(clean) | {k: v.astype(clean[k].dtype) for k, v in read._asdict().items()}
+
+    def _seed(self, index: int, path: str) -> np.random.SeedSequence:
+        key = (index, zlib.crc32(path.encode()))
+        return np.random.SeedSequence(int(self.seed), spawn_key=key)

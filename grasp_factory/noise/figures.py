@@ -1,0 +1,39 @@
+"""What the models have in common: figures that are no noise are refused, readings are digitised."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from grasp_factory.errors import UsageError
+from grasp_factory.geometry import Array
+
+
+def check_figures(record: Any) -> None:
+    """Refuse a model with a figure below zero or not a number; what is None is off.
+
+    Raises:
+        UsageError: naming the model and the figure.
+    """
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if value is not None and not all(v >= 0.0 for v in np.ravel(value)):
+            name = type(record).__name__
+            raise UsageError(f"{name}: {field.name} {value}: valid: 0 or more")
+
+
+def digitise(signal: ArrayLike, resolution: ArrayLike, full_scale: ArrayLike = math.inf) -> Array:
+    """Return a signal rounded to counts, then cut off at plus and minus the full scale.
+
+    Args:
+        signal: (..., n), in any unit.
+        resolution: Its unit per count, a number or (n,); 0 does not quantise.
+        full_scale: In its unit, a number or (n,).
+    """
+    signal, step = np.asarray(signal, np.float64), np.asarray(resolution, np.float64)
+    counts = np.round(signal / np.where(step > 0.0, step, 1.0))
+    return np.clip(np.where(step > 0.0, counts * step, signal), -np.asarray(full_scale), full_scale)

@@ -1,0 +1,56 @@
+"""A robot's sensors together: which models, under one name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from grasp_factory.errors import lookup
+from grasp_factory.noise.depth import STEREO, STRUCTURED_LIGHT, DepthNoise
+from grasp_factory.noise.encoders import LIGHTWEIGHT, EncoderNoise
+from grasp_factory.noise.rgb import SMALL_PIXELS, RgbNoise
+from grasp_factory.noise.tactile import PIEZORESISTIVE, TactileNoise
+from grasp_factory.noise.wrench import MINI45, WrenchNoise
+from grasp_factory.signals import BMI088, ImuNoise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorNoise:
+    """The imperfections of all sensors; None leaves one's signals as they are."""
+
+    depth: DepthNoise | None = None
+    """Of every camera."""
+    rgb: RgbNoise | None = None
+    """Of every camera."""
+    tactile: TactileNoise | None = None
+    wrist: WrenchNoise | None = None
+    encoders: EncoderNoise | None = None
+    imu: ImuNoise | None = None
+
+
+_STEREO = SensorNoise(
+    depth=STEREO,
+    rgb=SMALL_PIXELS,
+    tactile=PIEZORESISTIVE,
+    wrist=MINI45,
+    encoders=LIGHTWEIGHT,
+    imu=BMI088,
+)
+
+NOISE: Mapping[str, SensorNoise] = {
+    "none": SensorNoise(),
+    "structured_light": replace(_STEREO, depth=STRUCTURED_LIGHT),
+    "stereo": _STEREO,
+}
+"""By the kind of depth camera; the other sensors are the same in both."""
+
+
+def named_noise(noise: str | SensorNoise | None) -> SensorNoise:
+    """Return a row of ``NOISE`` for its name, and no noise for None.
+
+    Raises:
+        UnknownNameError: listing the names.
+    """
+    if isinstance(noise, str):
+        return lookup(NOISE, "noise", noise)
+    return noise or NOISE["none"]

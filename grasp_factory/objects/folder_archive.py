@@ -1,0 +1,118 @@
+"""An imported folder as one file, so that a dataset can carry its objects with it."""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+
+from grasp_factory.errors import ConfigError, StoreError
+from grasp_factory.objects.folder import Manifest, read_manifest
+from grasp_factory.objects.folder_cache import (
+    cache_dir,
+    digest,
+    manifest_path,
+    mesh_path,
+    read_checked,
+    write,
+)
+
+MANIFEST = "manifest.json"
+MAX_BYTES = 2**31
+"""Of an archive."""
+_LONG_AGO = (1980, 1, 1, 0, 0, 0)
+"""The first date that a zip file knows; with it, equal objects are equal archives."""
+_NUMBER = rb"-?\d{1,20}(?:\.\d{1,20})?(?:e-?\d{1,3})?"
+_LINE = re.compile(
+    rb"o \w{1,40}"
+    rb"|(?:v|vn)(?: " + _NUMBER + rb"){3}"
+    rb"|vt(?: " + _NUMBER + rb"){2}"
+    rb"|f(?: \d{1,9}){3}"
+    rb"|f(?: \d{1,9}/\d{1,9}/\d{1,9}){3}"
+)
+_KINDS = (b"v", b"vt", b"vn")
+
+
+def pack_folder(sha256: str) -> bytes:
+    """Return the manifest with that digest and its meshes, as a zip file without compression.
+
+    Raises:
+        ConfigError: if this machine's cache does not have all of them undamaged.
+    """
+    where = cache_dir()
+    manifest = read_manifest(sha256, where)
+    members = {MANIFEST: manifest.encoded()}
+    for file in manifest.files:
+        data = read_checked(mesh_path(where, file))
+        if data is None:
+            raise ConfigError(f"the cache {where} has lost the mesh {file}; import it again")
+        members[f"{file}.obj"] = data
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name, data in members.items():
+            archive.writestr(zipfile.ZipInfo(name, _LONG_AGO), data)
+    return buffer.getvalue()
+
+
+def unpack_folder(data: bytes) -> str:
+    """Put the objects of an archive into this machine's cache and return their digest.
+
+    The archive may come from anybody: nothing in it names a file, and a mesh is taken only if
+    it has the hash that the manifest says and is of the plain form that imports write.
+
+    Raises:
+        StoreError: naming what is wrong with the archive.
+    """
+    try:
+        members = _members(data)
+        text = members.pop(MANIFEST, b"")
+        manifest = Manifest.decoded(text)
+        if manifest.encoded() != text:
+            raise StoreError("its manifest is not in the form that imports write")
+        if sorted(members) != [f"{file}.obj" for file in manifest.files]:
+            raise StoreError("its files are not those that its manifest names")
+        for file in manifest.files:
+            _check_mesh(file, members[f"{file}.obj"])
+    except (ConfigError, StoreError) as error:
+        raise StoreError(f"an archive of objects cannot be used: {error}") from None
+    where = cache_dir()
+    for file in manifest.files:
+        write(mesh_path(where, file), members[f"{file}.obj"])
+    write(manifest_path(where, digest(text)), text)
+    return digest(text)
+
+
+def _members(data: bytes) -> dict[str, bytes]:
+    if len(data) > MAX_BYTES:
+        raise StoreError(f"it has {len(data)} bytes, valid: up to {MAX_BYTES}")
+    members: dict[str, bytes] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            room = len(data)
+            for info in archive.infolist():
+                room -= info.file_size  # members that share bytes would grow like a bomb
+                plain = info.compress_type == zipfile.ZIP_STORED and not info.flag_bits & 1
+                if not plain or room < 0 or info.filename in members:
+                    raise StoreError("a member is compressed, encrypted, too long or there twice")
+                members[info.filename] = archive.read(info)
+    except (zipfile.BadZipFile, OSError, ValueError, EOFError, NotImplementedError) as error:
+        raise StoreError(f"it is no zip file: {error}") from None
+    return members
+
+
+def _check_mesh(sha256: str, data: bytes) -> None:
+    """Refuse a mesh that the engine's loader could stumble on, or that names another file."""
+    if digest(data) != sha256:
+        raise StoreError(f"mesh {sha256} has another content than its name says")
+    lines = data.split(b"\n")
+    if lines.pop() or not all(map(_LINE.fullmatch, lines)):
+        raise StoreError(f"mesh {sha256} has lines that imports do not write")
+    counts = [sum(line.startswith(kind + b" ") for line in lines) for kind in _KINDS]
+    faces = [line for line in lines if line.startswith(b"f ")]
+    if not faces:
+        raise StoreError(f"mesh {sha256} has no faces")
+    for line in faces:
+        for corner in line.split()[1:]:
+            pairs = zip(map(int, corner.split(b"/")), counts, strict=False)
+            if not all(1 <= index <= count for index, count in pairs):
+                raise StoreError(f"mesh {sha256} has a face without vertices")

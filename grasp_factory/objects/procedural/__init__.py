@@ -1,0 +1,7 @@
+"""The set ``procedural``: families of shapes with random parameters, objects without end."""
+
+from __future__ import annotations
+
+from grasp_factory.objects.procedural.generator import FAMILIES, GENERATOR, PROCEDURAL
+
+__all__ = ["FAMILIES", "GENERATOR", "PROCEDURAL"]

@@ -1,0 +1,56 @@
+"""Parts by their measures, in metres, and how they are turned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from grasp_factory.geometry import Pose
+from grasp_factory.objects.base import Part, Vector3
+from grasp_factory.objects.unit_meshes import WEDGES, mesh_file
+
+Parts = tuple[Part, ...]
+Turn = tuple[float, float, float, float]
+"""A quaternion xyzw."""
+
+ORIGIN: Vector3 = (0.0, 0.0, 0.0)
+UPRIGHT: Turn = (0.0, 0.0, 0.0, 1.0)
+ALONG_X: Turn = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
+"""The part's z becomes x."""
+ALONG_Y: Turn = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+"""The part's z becomes y."""
+ON_EDGE: Turn = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+"""The part's y becomes z, and x stays."""
+FLAT_TO_X: Turn = (0.0, 0.0, math.sin(math.pi / 2 / WEDGES), math.cos(math.pi / 2 / WEDGES))
+"""One of the flat sides of a ring looks along x, so that a handle lies close."""
+FLAT_AT = math.cos(math.pi / WEDGES)
+"""How far out that side is, in outer radii."""
+FLAT_WIDTH = math.sin(math.pi / WEDGES)
+"""Its width, in outer diameters."""
+
+
+def between(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number uniformly."""
+    return float(rng.uniform(low, high))
+
+
+def one_of(rng: np.random.Generator, values: Sequence[int]) -> int:
+    """Draw one of some numbers."""
+    return values[int(rng.integers(len(values)))]
+
+
+def box(size: Vector3, at: Vector3 = ORIGIN) -> Part:
+    """Return a box by its sides."""
+    return Part(shape="box", size=size, pose=Pose(at, UPRIGHT))
+
+
+def cylinder(diameter: float, length: float, at: Vector3 = ORIGIN, turn: Turn = UPRIGHT) -> Part:
+    """Return a cylinder, along z unless it is turned."""
+    return Part(shape="cylinder", size=(diameter, diameter, length), pose=Pose(at, turn))
+
+
+def mesh(name: str, size: Vector3, at: Vector3 = ORIGIN, turn: Turn = UPRIGHT) -> Part:
+    """Return a unit mesh with the sides of its bounding box, before it is turned."""
+    return Part(shape=mesh_file(name), size=size, pose=Pose(at, turn))

@@ -1,0 +1,145 @@
+"""The options that describe a dataset, for every command that makes episodes or scenes."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from grasp_factory.arguments import resolution, weighted
+from grasp_factory.cameras import CAMERAS
+from grasp_factory.config import FactoryConfig
+from grasp_factory.randomize import RANDOMIZE_PRESETS
+from grasp_factory.request import Request, resolve_request
+from grasp_factory.sections import PHYSICS_PRESETS
+from grasp_factory.yamltext import read_yaml
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+DEFAULTS = FactoryConfig()
+_SIZE = "x".join(str(side) for side in DEFAULTS.resolution)
+
+_OPTIONS = (
+    click.option(
+        "--seed", type=int, help=f"What all chance follows from.  [default: {DEFAULTS.seed}]"
+    ),
+    click.option("--robot", help=f"One of `grasp-factory robots`.  [default: {DEFAULTS.robot}]"),
+    click.option(
+        "--policy",
+        "policies",
+        type=weighted,
+        metavar="NAME[:WEIGHT]",
+        multiple=True,
+        help="One of `grasp-factory policies`, with the weight of its share; repeatable.",
+    ),
+    click.option(
+        "--objects",
+        "object_sets",
+        type=weighted,
+        metavar="NAME|DIR[:WEIGHT]",
+        multiple=True,
+        help="One of `grasp-factory objects`, or a folder of meshes and URDFs, with the weight of"
+        " its share; repeatable.",
+    ),
+    click.option(
+        "--clutter",
+        type=int,
+        help="Objects that fall together; one of them is the target.  [default: 1]",
+    ),
+    click.option(
+        "--camera",
+        "cameras",
+        type=click.Choice(sorted(CAMERAS)),
+        multiple=True,
+        help="What to look with; repeatable.  [default: front]",
+    ),
+    click.option(
+        "--resolution",
+        type=resolution,
+        metavar="WxH",
+        help=f"Of all images, pixels.  [default: {_SIZE}]",
+    ),
+    click.option(
+        "--randomize",
+        type=click.Choice(sorted(RANDOMIZE_PRESETS)),
+        help="Domain randomisation: of looks alone, or of looks, cameras, bodies and grip, light"
+        " or strong.  [default: none]",
+    ),
+    click.option(
+        "--physics",
+        type=click.Choice(sorted(PHYSICS_PRESETS)),
+        help="fast saves a quarter of the time; labels flatter by a point or two."
+        "  [default: default]",
+    ),
+    click.option("--record-hz", type=int, help=f"Of the streams.  [default: {DEFAULTS.record_hz}]"),
+    click.option(
+        "--video-hz",
+        type=int,
+        help="Of a video of each attempt, for every camera.  [default: none]",
+    ),
+    click.option(
+        "--set",
+        "assignments",
+        metavar="KEY=VALUE",
+        multiple=True,
+        help="Any config key, dotted, with a YAML value, such as motion.grip_force=30.",
+    ),
+    click.option(
+        "--config",
+        "file",
+        type=click.Path(path_type=Path),
+        help="YAML file with any of these settings; options win over it.",
+    ),
+)
+
+
+def dataset_options(command: F) -> F:
+    """Add the options to a command; it hands them to ``request_from`` as they come."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+def request_from(*, file: Path | None, assignments: tuple[str, ...], **flags: Any) -> Request:
+    """Return the checked request that options describe; folders of objects are imported.
+
+    Raises:
+        UsageError: for a folder in which no object can be used.
+        ConfigError: naming the key, what it got and what is valid.
+    """
+    settings = {key: value for key, value in flags.items() if value not in (None, ())}
+    for key in {"policies", "object_sets"} & settings.keys():
+        settings[key] = dict(settings[key])
+    if "cameras" in settings:
+        settings["cameras"] = list(settings["cameras"])
+    written = read_yaml(file) if file else {}
+    folders = [name for name in settings.get("object_sets", {}) if _is_folder(name)]
+    if folders:
+        weights = settings.pop("object_sets")
+        robot = resolve_request(written, settings, assignments).config.robot
+        digests = _import(folders, robot)
+        names = {text: name for text, (name, _) in digests.items()}
+        settings["object_sets"] = {names.get(t, t): weight for t, weight in weights.items()}
+        settings["object_folders"] = dict(digests.values())
+    return resolve_request(written, settings, assignments)
+
+
+def _import(folders: Sequence[str], robot: str) -> dict[str, tuple[str, str]]:
+    """Import folders and return each one's set name and digest."""
+    from grasp_factory.folders import import_usable
+
+    found: dict[str, tuple[str, str]] = {}
+    for folder in folders:
+        report = import_usable(Path(folder), robot, [name for name, _ in found.values()])
+        found[folder] = report.name, report.sha256
+    return found
+
+
+def _is_folder(name: str) -> bool:
+    from grasp_factory.objects import OBJECT_SETS
+
+    return name not in OBJECT_SETS and ("/" in name or Path(name).is_dir())

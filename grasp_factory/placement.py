@@ -1,0 +1,104 @@
+"""Where objects are let go: the target above the workspace, the others around it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.geometry import Array, Pose, quat_xyzw_to_matrix
+from grasp_factory.sections import WorkspaceConfig
+
+GAP = 0.01
+"""Metres between the bounding boxes of objects that are let go together."""
+TRIES = 32
+"""Places that are drawn for each further object; the lowest is taken, to keep heaps low."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """An object in the air: its pose, and the bounding box that it has there."""
+
+    pose: Pose
+    lower: Array
+    """(3,) world, metres."""
+    upper: Array
+
+    def raised_above(self, others: Sequence[Placed]) -> Placed:
+        """Return it as much higher as it takes to be free of all that lie under it."""
+        below = [o for o in others if self._covers(o)]
+        floor = max((float(o.upper[2]) + GAP for o in below), default=float(self.lower[2]))
+        rise = np.array([0.0, 0.0, max(0.0, floor - float(self.lower[2]))])
+        x, y, z = (float(v) for v in np.array(self.pose.position) + rise)
+        return Placed(Pose((x, y, z), self.pose.quat_xyzw), self.lower + rise, self.upper + rise)
+
+    def _covers(self, other: Placed) -> bool:
+        apart = (self.lower > other.upper + GAP) | (self.upper < other.lower - GAP)
+        return not bool(apart[:2].any())
+
+
+def place_target(workspace: WorkspaceConfig, corners: Array, rng: np.random.Generator) -> Placed:
+    """Draw a pose with uniform orientation whose bounding box hangs above the table.
+
+    Args:
+        workspace: Where to; its middle lies inside the workspace's margin.
+        corners: Of the object's bounding box, (8, 3) metres, object frame.
+        rng: Where chance comes from.
+    """
+    quat = _draw_quat(rng)
+    lower = np.array(workspace.lower[:2]) + workspace.margin
+    upper = np.array(workspace.upper[:2]) - workspace.margin
+    return _hang(corners, quat, rng.uniform(lower, upper), rng.uniform(*workspace.drop_height))
+
+
+def place_around(
+    target: Placed,
+    workspace: WorkspaceConfig,
+    radius: float,
+    others: Sequence[Array],
+    rng: np.random.Generator,
+) -> list[Placed]:
+    """Return poses for all objects, the target first, such that none touches another.
+
+    The target stays where it is. The others hang within ``radius`` metres of it and inside the
+    workspace's margin, beside what is there already or above it.
+
+    Args:
+        target: The target as if it were alone.
+        workspace: As for ``place_target``.
+        radius: Metres.
+        others: Corners (8, 3) of each other object's bounding box, object frame, metres.
+        rng: Where chance comes from.
+    """
+    middle = (target.lower[:2] + target.upper[:2]) / 2.0
+    low = np.array(workspace.lower[:2]) + workspace.margin
+    high = np.array(workspace.upper[:2]) - workspace.margin
+    placed = [target]
+    for corners in others:
+        quat, height = _draw_quat(rng), rng.uniform(*workspace.drop_height)
+        angles = rng.uniform(0.0, 2.0 * np.pi, TRIES)
+        ways = radius * np.sqrt(rng.uniform(0.0, 1.0, TRIES))
+        spots = middle + ways[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        hung = [
+            _hang(corners, quat, spot, height).raised_above(placed)
+            for spot in np.clip(spots, low, high)
+        ]
+        placed.append(min(hung, key=lambda option: float(option.lower[2])))
+    return placed
+
+
+def _hang(corners: Array, quat: Array, middle: Array, height: float) -> Placed:
+    """Return an object whose bounding box is ``height`` above the table, around ``middle`` (2,)."""
+    turned = corners @ quat_xyzw_to_matrix(quat).T
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    x, y = middle - (low[:2] + high[:2]) / 2.0
+    position = np.array([x, y, height - low[2]])
+    qx, qy, qz, qw = (float(q) for q in quat)
+    pose = Pose((float(x), float(y), float(position[2])), (qx, qy, qz, qw))
+    return Placed(pose, low + position, high + position)
+
+
+def _draw_quat(rng: np.random.Generator) -> Array:
+    quat = rng.normal(size=4)
+    return np.asarray(quat / np.linalg.norm(quat))

@@ -1,0 +1,80 @@
+"""The preview: a grid of scenes before any grasp, to see in seconds what a config means."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from grasp_factory import painting
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import RecipeError, UsageError
+from grasp_factory.painting import Image
+from grasp_factory.sampling import sample_spec
+from grasp_factory.scene import build_scene, look, settle
+from grasp_factory.world import World
+
+TILE_WIDTH = 240
+CAPTION = 20
+"""Pixels below each tile."""
+GAP = 6
+MOST = 400
+"""Scenes of a preview."""
+SHAPE = 4 / 3
+"""Columns over rows, about."""
+
+
+def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) -> Image:
+    """Return a grid of the first ``n`` scenes of a dataset, BGR, each with number and target.
+
+    The scenes are dropped and settled as for an attempt, and seen by the first camera. A scene
+    whose recipe cannot be built stays empty, with the reason below.
+
+    Raises:
+        UsageError: for a number of scenes that makes no picture.
+        UnknownNameError: if the config names what the tables do not have.
+    """
+    if not 1 <= n <= MOST:
+        raise UsageError(f"{n} scenes: valid: 1 to {MOST}")
+    width, height = config.resolution
+    size = (TILE_WIDTH, max(16, round(TILE_WIDTH * height / width)))
+    small = dataclasses.replace(config, resolution=size)
+    tiles = []
+    with World() as world:
+        for index in range(n):
+            tiles.append(_tile(world, small, index))
+            on_scene()
+    return _grid(tiles, math.ceil(math.sqrt(n * SHAPE)))
+
+
+def _tile(world: World, config: FactoryConfig, index: int) -> Image:
+    spec = sample_spec(config, index)
+    width, height = config.resolution
+    picture: Image = np.full((height, width, 3), painting.NOTHING, np.uint8)
+    words = f"#{index} {spec.objects[0].object_id}"
+    try:
+        scene = build_scene(world, spec)
+        settle(scene)
+        _, render = look(scene)[next(iter(config.cameras))]
+        picture = np.ascontiguousarray(render.rgb[..., ::-1])
+    except RecipeError as error:
+        words = f"#{index} {error}"
+    strip: Image = np.full((CAPTION, width, 3), painting.PAPER, np.uint8)
+    painting.put_text(
+        strip, words.encode("ascii", "replace").decode(), (2, CAPTION // 2), height=10
+    )
+    return np.vstack([picture, strip])
+
+
+def _grid(tiles: list[Image], columns: int) -> Image:
+    height, width = tiles[0].shape[:2]
+    rows = math.ceil(len(tiles) / columns)
+    shape = (rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3)
+    grid: Image = np.full(shape, painting.PAPER, np.uint8)
+    for i, tile in enumerate(tiles):
+        top, left = (GAP + step * (side + GAP) for step, side in
+                     zip(divmod(i, columns), (height, width), strict=True))  # fmt: skip
+        grid[top : top + height, left : left + width] = tile
+    return grid

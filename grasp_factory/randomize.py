@@ -1,0 +1,183 @@
+"""Domain randomisation as ranges, all off by default, and the presets that have names.
+
+Each draw lands in the recipe of its episode (``sampling``), so a stored episode says what it got.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from grasp_factory.records import check, check_range
+
+Range = tuple[float, float]
+
+
+def _check_ranges(record: object, low: float, high: float, *keys: str) -> None:
+    for key in keys:
+        bottom, top = getattr(record, key)
+        check(low <= bottom <= top <= high, key, [bottom, top], f"{low} <= low <= high <= {high}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColorRange:
+    """Colours in hue, saturation and brightness, each from 0 to 1."""
+
+    share: float = 0.0
+    """Probability that a colour is drawn; otherwise the thing keeps its own."""
+    hue: Range = (0.0, 1.0)
+    saturation: Range = (0.0, 0.9)
+    brightness: Range = (0.2, 1.0)
+
+    def __post_init__(self) -> None:
+        check_range(self, "share", 0.0, 1.0)
+        _check_ranges(self, 0.0, 1.0, "hue", "saturation", "brightness")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LooksConfig:
+    """What changes images and nothing else: colours, textures, light."""
+
+    object_color: ColorRange = field(default_factory=ColorRange)
+    object_texture: float = 0.0
+    """Share of objects that bear a texture."""
+    table_color: ColorRange = field(default_factory=ColorRange)
+    table_texture: float = 0.0
+    floor_color: ColorRange = field(default_factory=ColorRange)
+    floor_texture: float = 0.0
+    light_azimuth_deg: Range = (56.0, 56.0)
+    """Where the light comes from, from +x towards +y, degrees."""
+    light_elevation_deg: Range = (54.0, 54.0)
+    """Above the horizon, degrees."""
+    light_hue: Range = (0.0, 0.0)
+    light_saturation: Range = (0.0, 0.0)
+    ambient: Range = (0.6, 0.6)
+    diffuse: Range = (0.5, 0.5)
+    specular: Range = (0.05, 0.05)
+
+    def __post_init__(self) -> None:
+        for key in ("object_texture", "table_texture", "floor_texture"):
+            check_range(self, key, 0.0, 1.0)
+        _check_ranges(self, -360.0, 360.0, "light_azimuth_deg")
+        _check_ranges(self, 5.0, 90.0, "light_elevation_deg")
+        unit = ("light_hue", "light_saturation", "ambient", "diffuse", "specular")
+        _check_ranges(self, 0.0, 1.0, *unit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraJitter:
+    """How far cameras stand from where the config puts them: limits to either side."""
+
+    eye: float = 0.0
+    """Metres along each axis."""
+    target: float = 0.0
+    """Metres along each axis, of the point that is looked at."""
+    roll_deg: float = 0.0
+    fov_y_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_range(self, "eye", 0.0, 1.0, "m")
+        check_range(self, "target", 0.0, 0.5, "m")
+        check_range(self, "roll_deg", 0.0, 180.0, "degrees")
+        check_range(self, "fov_y_deg", 0.0, 60.0, "degrees")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyRange:
+    """What every object is made of; each draws its own."""
+
+    scale: Range = (1.0, 1.0)
+    """Factor on its size. Its mass stays, unless ``mass`` changes it."""
+    mass: Range = (1.0, 1.0)
+    """Factor."""
+    friction: Range = (1.0, 1.0)
+    """Factor."""
+    linear_damping: Range = (0.0, 0.0)
+    """Bullet's share of the velocity that is lost per second, as of a thick air."""
+    angular_damping: Range = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _check_ranges(self, 0.25, 4.0, "scale")
+        _check_ranges(self, 0.1, 10.0, "mass", "friction")
+        _check_ranges(self, 0.0, 0.9, "linear_damping", "angular_damping")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GripperRange:
+    """How the attempt is executed: factors on the section ``motion``."""
+
+    force: Range = (1.0, 1.0)
+    """Factor on ``grip_force``; the gripper's own limits hold."""
+    speed: Range = (1.0, 1.0)
+    """Factor on the speeds of approach, closing and lift."""
+
+    def __post_init__(self) -> None:
+        _check_ranges(self, 0.1, 10.0, "force")
+        _check_ranges(self, 0.2, 5.0, "speed")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomizeConfig:
+    """Domain randomisation. Where objects fall is always drawn (section ``workspace``)."""
+
+    surroundings: int = 0
+    """How many different surroundings (table, floor, light, cameras) the episodes share; 0 for new
+    ones in each. Few of them render quicker: what never moves is rendered once for each."""
+    looks: LooksConfig = field(default_factory=LooksConfig)
+    cameras: CameraJitter = field(default_factory=CameraJitter)
+    objects: BodyRange = field(default_factory=BodyRange)
+    gripper: GripperRange = field(default_factory=GripperRange)
+
+    def __post_init__(self) -> None:
+        check_range(self, "surroundings", 0, 1_000_000)
+
+
+_LIGHT_LOOKS = LooksConfig(
+    object_color=ColorRange(share=0.8),
+    table_color=ColorRange(share=0.5, saturation=(0.0, 0.5), brightness=(0.4, 1.0)),
+    floor_color=ColorRange(share=0.5, saturation=(0.0, 0.3), brightness=(0.3, 0.8)),
+    table_texture=0.3,
+    light_azimuth_deg=(0.0, 110.0),
+    light_elevation_deg=(40.0, 75.0),
+    ambient=(0.5, 0.7),
+    diffuse=(0.4, 0.6),
+)
+_STRONG_LOOKS = LooksConfig(
+    object_color=ColorRange(share=0.95),
+    object_texture=0.5,
+    table_color=ColorRange(share=0.95),
+    table_texture=0.7,
+    floor_color=ColorRange(share=0.95),
+    floor_texture=0.7,
+    light_azimuth_deg=(-180.0, 180.0),
+    light_elevation_deg=(20.0, 90.0),
+    light_hue=(0.0, 1.0),
+    light_saturation=(0.0, 0.25),
+    ambient=(0.3, 0.8),
+    diffuse=(0.2, 0.8),
+    specular=(0.0, 0.4),
+)
+
+RANDOMIZE_PRESETS: Mapping[str, RandomizeConfig] = {
+    "none": RandomizeConfig(),
+    "looks": RandomizeConfig(looks=_STRONG_LOOKS),
+    "light": RandomizeConfig(
+        surroundings=16,
+        looks=_LIGHT_LOOKS,
+        cameras=CameraJitter(eye=0.03, target=0.02, roll_deg=2.0, fov_y_deg=1.0),
+        objects=BodyRange(scale=(0.9, 1.1), mass=(0.7, 1.5), friction=(0.8, 1.25)),
+    ),
+    "strong": RandomizeConfig(
+        looks=_STRONG_LOOKS,
+        cameras=CameraJitter(eye=0.12, target=0.04, roll_deg=8.0, fov_y_deg=4.0),
+        objects=BodyRange(
+            scale=(0.75, 1.15),
+            mass=(0.4, 3.0),
+            friction=(0.6, 1.6),
+            linear_damping=(0.0, 0.1),
+            angular_damping=(0.0, 0.1),
+        ),
+        gripper=GripperRange(force=(0.5, 1.75), speed=(0.7, 1.3)),
+    ),
+}
+"""By name. ``looks`` has the looks of ``strong`` and the physics of ``none``."""

@@ -1,0 +1,126 @@
+"""What never moves, and the cameras that look at it: floor, table, light, backgrounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from grasp_factory.camera import Camera
+from grasp_factory.episode import EpisodeSpec
+from grasp_factory.geometry import Array
+from grasp_factory.looks import Surroundings
+from grasp_factory.sections import CameraConfig, Mount
+from grasp_factory.sensors import Render, make_camera, render
+from grasp_factory.world import World
+
+TABLE_CENTER_XY = (0.45, 0.0)
+"""Metres; the robot's base, at the origin, stands 0.25 m inside the table's near edge."""
+TABLE_SIZE = (1.40, 1.40, 0.05)
+TABLE_HEIGHT = 0.75
+"""Metres between floor and table top, which is z = 0."""
+FLOOR_SIZE = (8.0, 8.0, 0.10)
+TABLE_FRICTION = 1.0
+"""The pair's friction is the product, so the object's own value decides."""
+TABLE_ROLLING_FRICTION = 0.001
+"""Metres of rolling resistance, so that round things come to rest. It sits on the table and not
+on the objects, because Bullet does not report rolling moments and touch must be whole."""
+TABLE_SPINNING_FRICTION = 0.001
+"""As above, against spinning on the spot, which nothing else would stop for a ball."""
+
+MAX_BACKGROUNDS = 16
+"""Backgrounds kept in memory, 3.4 MB each at 640x480."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Floor and table, hidden in the world, and the cameras.
+
+    What a still camera sees of floor and table is rendered once, and composited with what moves.
+    """
+
+    world: World
+    floor: int
+    """Body."""
+    table: int
+    """Body."""
+    surroundings: Surroundings
+    still: Mapping[str, tuple[Camera, Render]]
+    """The cameras that stand still, each with its background."""
+    moving: Mapping[str, CameraConfig]
+    """The cameras that are fixed to the hand."""
+    resolution: tuple[int, int]
+
+    def look(self, name: str, T_world_tcp: Array) -> tuple[Camera, Render]:
+        """Render everything through one camera, the hand being at ``T_world_tcp`` (4, 4)."""
+        light = self.surroundings.light
+        if name in self.still:
+            camera, background = self.still[name]
+            return camera, background.behind(render(self.world, camera, light))
+        camera = make_camera(name, self.moving[name], self.resolution, T_world_tcp)
+        _dress(self.world, self.floor, self.table, self.surroundings)
+        whole = render(self.world, camera, light)
+        _hide(self.world, self.floor, self.table)
+        return camera, whole
+
+
+_Key = tuple[Surroundings, CameraConfig, tuple[int, int]]
+_backgrounds: dict[_Key, Render] = {}
+"""Kept over episodes, for those that share their surroundings."""
+
+
+def set_stage(world: World, spec: EpisodeSpec) -> Stage:
+    """Empty the world and put floor and table there, with all cameras around them."""
+    still = {name: c for name, c in spec.cameras.items() if c.mount is Mount.WORLD}
+    moving = {name: c for name, c in spec.cameras.items() if name not in still}
+    backgrounds = {name: _background(world, spec, name) for name in still}
+    floor, table = _start(world, spec)
+    _hide(world, floor, table)
+    return Stage(world, floor, table, spec.surroundings, backgrounds, moving, spec.resolution)
+
+
+def _background(world: World, spec: EpisodeSpec, name: str) -> tuple[Camera, Render]:
+    """Return a camera and its render of floor and table alone.
+
+    It is made in a world of its own. The engine's images depend a little, in the last bit of rare
+    pixels, on how many there were since the last reset, and an episode must not notice whether
+    its background was there already.
+    """
+    config = spec.cameras[name]
+    camera = make_camera(name, config, spec.resolution)
+    key = (spec.surroundings, config, spec.resolution)
+    if key not in _backgrounds:
+        while len(_backgrounds) >= MAX_BACKGROUNDS:
+            del _backgrounds[next(iter(_backgrounds))]
+        _dress(world, *_start(world, spec), spec.surroundings)
+        _backgrounds[key] = render(world, camera, spec.surroundings.light)
+    return camera, _backgrounds[key]
+
+
+def _start(world: World, spec: EpisodeSpec) -> tuple[int, int]:
+    """Empty the world, add floor and table and return the bodies."""
+    world.reset(spec.physics)
+    floor = _add_slab(world, FLOOR_SIZE, (0.0, 0.0), -TABLE_HEIGHT)
+    return floor, _add_slab(world, TABLE_SIZE, TABLE_CENTER_XY, 0.0)
+
+
+def _add_slab(world: World, size: Sequence[float], center_xy: Sequence[float], top: float) -> int:
+    position = (*center_xy, top - size[2] / 2.0)
+    body = world.add_box([side / 2.0 for side in size], position, (1.0, 1.0, 1.0, 1.0))
+    world.change_dynamics(
+        body,
+        -1,
+        lateralFriction=TABLE_FRICTION,
+        rollingFriction=TABLE_ROLLING_FRICTION,
+        spinningFriction=TABLE_SPINNING_FRICTION,
+    )
+    return body
+
+
+def _dress(world: World, floor: int, table: int, surroundings: Surroundings) -> None:
+    for body, look in ((floor, surroundings.floor), (table, surroundings.table)):
+        world.set_look(body, look.color, look.texture)
+
+
+def _hide(world: World, floor: int, table: int) -> None:
+    for body in (floor, table):
+        world.hide(body)

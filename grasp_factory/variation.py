@@ -1,0 +1,138 @@
+"""Draws what ``randomize`` allows: looks, cameras, bodies, motions. Pure, one function each."""
+
+from __future__ import annotations
+
+import colorsys
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.camera import Light
+from grasp_factory.geometry import look_at, rotation_about
+from grasp_factory.looks import Color, SurfaceLook, Surroundings
+from grasp_factory.randomize import (
+    BodyRange,
+    CameraJitter,
+    ColorRange,
+    GripperRange,
+    LooksConfig,
+)
+from grasp_factory.sections import CameraConfig, MotionConfig, Mount
+from grasp_factory.textures import TEXTURES
+
+HAND_SHARE = 0.1
+"""Share of the cameras' jitter that those on the hand get: a tenth of the distances, as they are
+screwed to it and look at things so much nearer."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyDraw:
+    """What one object got: factors on its model's size, mass and friction, and its damping."""
+
+    scale: float
+    mass: float
+    friction: float
+    linear_damping: float
+    angular_damping: float
+
+
+def draw_body(ranges: BodyRange, rng: np.random.Generator) -> BodyDraw:
+    """Draw one object's body; factors are uniform in their logarithm."""
+    scale, mass, friction = (
+        math.exp(rng.uniform(math.log(low), math.log(high)))
+        for low, high in (ranges.scale, ranges.mass, ranges.friction)
+    )
+    linear, angular = (
+        float(rng.uniform(*ends)) for ends in (ranges.linear_damping, ranges.angular_damping)
+    )
+    return BodyDraw(scale, mass, friction, linear, angular)
+
+
+def draw_motion(
+    ranges: GripperRange, motion: MotionConfig, rng: np.random.Generator
+) -> MotionConfig:
+    """Draw the grip's force and the speeds of an attempt."""
+    force, speed = rng.uniform(*ranges.force), rng.uniform(*ranges.speed)
+    return motion.scaled(float(force), float(speed))
+
+
+def draw_object_look(looks: LooksConfig, rng: np.random.Generator) -> tuple[Color | None, str]:
+    """Draw an object's colour (None: its own) and texture ('': none)."""
+    return _color(looks.object_color, rng), _texture(looks.object_texture, rng)
+
+
+def draw_surroundings(looks: LooksConfig, rng: np.random.Generator) -> Surroundings:
+    """Draw table, floor and light."""
+    own = Surroundings()
+    table = _surface(own.table, looks.table_color, looks.table_texture, rng)
+    floor = _surface(own.floor, looks.floor_color, looks.floor_texture, rng)
+    azimuth = math.radians(rng.uniform(*looks.light_azimuth_deg))
+    elevation = math.radians(rng.uniform(*looks.light_elevation_deg))
+    across = math.cos(elevation)
+    hue, saturation = rng.uniform(*looks.light_hue), rng.uniform(*looks.light_saturation)
+    ambient, diffuse, specular = (
+        float(rng.uniform(*ends)) for ends in (looks.ambient, looks.diffuse, looks.specular)
+    )
+    light = Light(
+        direction=(
+            across * math.cos(azimuth),
+            across * math.sin(azimuth),
+            math.sin(elevation),
+        ),
+        color=colorsys.hsv_to_rgb(hue, saturation, 1.0),
+        ambient=ambient,
+        diffuse=diffuse,
+        specular=specular,
+    )
+    return Surroundings(table=table, floor=floor, light=light)
+
+
+def draw_cameras(
+    jitter: CameraJitter, cameras: Mapping[str, CameraConfig], rng: np.random.Generator
+) -> dict[str, CameraConfig]:
+    """Draw where each camera stands, in the order of their names."""
+    return {name: _moved(jitter, cameras[name], rng) for name in sorted(cameras)}
+
+
+def _moved(jitter: CameraJitter, camera: CameraConfig, rng: np.random.Generator) -> CameraConfig:
+    share = HAND_SHARE if camera.mount is Mount.TCP else 1.0
+    eye, target = (
+        np.array(point) + share * limit * rng.uniform(-1.0, 1.0, 3)
+        for point, limit in ((camera.eye, jitter.eye), (camera.target, jitter.target))
+    )
+    roll = share * math.radians(jitter.roll_deg) * rng.uniform(-1.0, 1.0)
+    wider = share * jitter.fov_y_deg * rng.uniform(-1.0, 1.0)
+    if jitter == CameraJitter():
+        return camera  # as it was, to the last bit
+    forward = look_at(eye, target, camera.up)[:3, 2]
+    up = rotation_about(forward, roll) @ np.array(camera.up)
+    return dataclasses.replace(
+        camera,
+        eye=tuple(eye.tolist()),
+        target=tuple(target.tolist()),
+        up=tuple(up.tolist()),
+        fov_y_deg=camera.fov_y_deg + float(wider),
+    )
+
+
+def _surface(
+    own: SurfaceLook, colors: ColorRange, textured: float, rng: np.random.Generator
+) -> SurfaceLook:
+    color, texture = _color(colors, rng), _texture(textured, rng)
+    return SurfaceLook(color=own.color if color is None else color, texture=texture)
+
+
+def _color(colors: ColorRange, rng: np.random.Generator) -> Color | None:
+    is_drawn = rng.random() < colors.share
+    hue, saturation, brightness = (
+        float(rng.uniform(*ends)) for ends in (colors.hue, colors.saturation, colors.brightness)
+    )
+    return colorsys.hsv_to_rgb(hue, saturation, brightness) if is_drawn else None
+
+
+def _texture(share: float, rng: np.random.Generator) -> str:
+    is_drawn, which = rng.random() < share, int(rng.integers(len(TEXTURES)))
+    return TEXTURES[which] if is_drawn else ""
