@@ -14,7 +14,6 @@ from grasp_factory.meshes import FolderReport, import_folder, printable
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.robots import ROBOTS
 
-
 WARNINGS = 10
 """Objects whose warnings are printed before a run; the listing has them all."""
 

@@ -6,9 +6,7 @@ whose order is not by id, link states that lag a step, frames at the centre of m
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,30 +18,14 @@ from grasp_factory.errors import GraspFactoryError, RecipeError
 from grasp_factory.geometry import Pose
 from grasp_factory.objects import Compound
 from grasp_factory.sections import PhysicsConfig
-from grasp_factory.world.engine import DATA, muted, p
-from grasp_factory.world.solids import create_box, create_compound
-from grasp_factory.world.textures import load_texture
+from grasp_factory.world.bodies import create_box, create_compound
+from grasp_factory.world.engine import muted, p
+from grasp_factory.world.urdf import with_packages
+from grasp_factory.world.visuals import Hidden, hide, render, set_look, show
 
 CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so it is set at each one
 
 Row = tuple[Any, ...]
-Hidden = list[tuple[int, int, Sequence[float]]]
-"""Link, its shape and the shape's colour, to show a body again."""
-
-
-@cache
-def _with_packages(path: Path) -> str:
-    """Return a file for the loader, which finds meshes by absolute path only.
-
-    The file lives in memory as long as the process: a killed worker leaves nothing behind, and
-    no other content can come under its name, for the loader caches files by name.
-    """
-    text = path.read_text(encoding="utf-8")
-    if "package://pybullet_data/" not in text:
-        return str(path)
-    file = os.memfd_create(path.name)
-    os.write(file, text.replace("package://pybullet_data", str(DATA)).encode())
-    return f"/proc/self/fd/{file}"
 
 
 class World:
@@ -108,7 +90,7 @@ class World:
         try:
             with muted(1):
                 body: int = p.loadURDF(
-                    _with_packages(path),
+                    with_packages(path),
                     pose.position,
                     pose.quat_xyzw,
                     useFixedBase=fixed,
@@ -163,29 +145,15 @@ class World:
         Raises:
             UnknownNameError: if there is no such texture.
         """
-        for link in (-1, *self._joint_range(body)):
-            p.changeVisualShape(
-                body,
-                link,
-                rgbaColor=(*color, 1.0),
-                textureUniqueId=load_texture(self._client, texture) if texture else -1,
-                physicsClientId=self._client,
-            )
+        set_look(self._client, body, color, texture)
 
     def hide(self, body: int) -> Hidden:
         """Leave a body out of all renders until ``show``; its physics stay."""
-        hidden: Hidden = []
-        for row in p.getVisualShapeData(body, physicsClientId=self._client):
-            link, rgba = row[1], row[7]
-            shape = sum(link == other for other, _, _ in hidden)  # they are counted by link
-            hidden.append((link, shape, rgba))
-            self._tint(body, link, shape, (0.0, 0.0, 0.0, 0.0))
-        return hidden
+        return hide(self._client, body)
 
     def show(self, body: int, hidden: Hidden) -> None:
         """Show a body again as it was."""
-        for link, shape, rgba in hidden:
-            self._tint(body, link, shape, rgba)
+        show(self._client, body, hidden)
 
     def change_dynamics(self, body: int, link: int, **settings: Any) -> None:
         """Set dynamics by PyBullet's own names (``mass``, ``lateralFriction``, ...)."""
@@ -311,28 +279,7 @@ class World:
         self, camera: Camera, light: Light
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]:
         """Return RGB (H, W, 3), the z-buffer (H, W) and body + (link + 1) * 2^24 (H, W)."""
-        _, _, rgba, zbuffer, mask = p.getCameraImage(
-            camera.intrinsics.width,
-            camera.intrinsics.height,
-            viewMatrix=camera.opengl_view().T.ravel().tolist(),
-            projectionMatrix=camera.opengl_projection().T.ravel().tolist(),
-            lightDirection=light.direction,
-            lightColor=light.color,
-            lightDistance=2.0,
-            shadow=0,
-            lightAmbientCoeff=light.ambient,
-            lightDiffuseCoeff=light.diffuse,
-            lightSpecularCoeff=light.specular,
-            renderer=p.ER_TINY_RENDERER,
-            flags=p.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
-            physicsClientId=self._client,
-        )
-        return rgba[..., :3], zbuffer, mask
-
-    def _tint(self, body: int, link: int, shape: int, rgba: Sequence[float]) -> None:
-        p.changeVisualShape(
-            body, link, shapeIndex=shape, rgbaColor=rgba, physicsClientId=self._client
-        )
+        return render(self._client, camera, light)
 
     def _undamp(self, body: int) -> None:
         """Take away the damping that Bullet gives every link (0.04): there is no such air here."""
