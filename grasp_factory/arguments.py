@@ -38,10 +38,12 @@ def resolution(text: str) -> list[int]:
 
 
 def weighted(text: str) -> tuple[str, float]:
-    """Return name and weight from NAME[:WEIGHT]."""
-    name, colon, weight = text.partition(":")
+    """Return name and weight from NAME[:WEIGHT]; the name may be a folder's."""
+    name, colon, weight = text.rpartition(":")
+    if not colon or Path(text).is_dir():
+        return text, 1.0
     try:
-        return name, float(weight) if colon else 1.0
+        return name, float(weight)
     except ValueError:
         what = f"{shown(text)}: expected NAME or NAME:WEIGHT, as in x:2"
         raise click.BadParameter(what) from None

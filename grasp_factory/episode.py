@@ -33,6 +33,8 @@ class ObjectSpec:
 
     object_set: str
     object_id: str
+    family: str
+    """The kind of shape."""
     split: str
     """train, val or test: a property of the object, never of the episode."""
     mass: float

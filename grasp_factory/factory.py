@@ -15,7 +15,7 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.episode import Episode
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.executors import Report, make_executor
-from grasp_factory.objects import find_set
+from grasp_factory.objects import OBJECT_SETS, find_set
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import check
 from grasp_factory.request import Request
@@ -140,6 +140,10 @@ def check_names(config: FactoryConfig) -> RobotModel:
         lookup(POLICIES, "policy", name).settings(config.policy_parameters.get(name, {}))
     for object_set in config.object_sets:
         find_set(object_set, config.object_folders.get(object_set, ""))
+    for folder in config.object_folders:
+        ok = folder not in OBJECT_SETS and folder in config.object_sets
+        valid = "a set of object_sets that is none of those that are shipped"
+        check(ok, "object_folders", folder, valid)
     robot = lookup(ROBOTS, "robot", config.robot)
     (low, high), force = robot.gripper.force_range, config.motion.grip_force
     valid = f"{low:g} to {high:g} N, which is what the gripper of {robot.name} can do"

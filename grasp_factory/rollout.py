@@ -123,6 +123,7 @@ def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> 
     return {
         "object_id": target.object_id,
         "object_set": target.object_set,
+        "object_family": target.family,
         "split": target.split,
         "policy": spec.policy,
         "grasp_proposer": (grasp.proposer or spec.policy) if grasp else "",

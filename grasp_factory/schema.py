@@ -97,6 +97,7 @@ FIELDS: tuple[Field, ...] = (
     _f("episodes/n_video", (), "int32", "valid length of the videos, where there are any"),
     _f("episodes/object_id", (), "string", "target object"),
     _f("episodes/object_set", (), "string", "set that the target comes from"),
+    _f("episodes/object_family", (), "string", "kind of shape of the target: box, mug, blob"),
     _f("episodes/split", (), "string", "train, val or test, by object"),
     _f("episodes/policy", (), "string", "policy that planned the grasp"),
     _f("episodes/grasp_proposer", (), "string",

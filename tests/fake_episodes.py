@@ -31,6 +31,7 @@ def make_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
     target = ObjectSpec(
         object_set="blobs",
         object_id=f"blob_{rng.integers(100):03d}",
+        family="blob",
         split=str(rng.choice(["train", "val", "test"])),
         mass=float(rng.uniform(0.05, 0.5)),
         lateral_friction=float(rng.uniform(0.5, 1.0)),
@@ -92,6 +93,7 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
     columns |= {
         "object_id": target.object_id,
         "object_set": target.object_set,
+        "object_family": target.family,
         "split": target.split,
         "policy": spec.policy,
         "grasp_proposer": spec.policy,

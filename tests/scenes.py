@@ -26,6 +26,7 @@ def cube_spec(
     cube = ObjectSpec(
         object_set="classic",
         object_id="classic/cube",
+        family="cube",
         split="train",
         mass=0.1,
         lateral_friction=0.5,

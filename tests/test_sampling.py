@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import math
 import struct
 from collections import Counter
@@ -15,7 +16,7 @@ from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import EpisodeSpec
 from grasp_factory.errors import UnknownNameError
 from grasp_factory.geometry import apply
-from grasp_factory.objects import OBJECT_SETS
+from grasp_factory.objects import OBJECT_SETS, ObjectModel
 from grasp_factory.randomize import RANDOMIZE_PRESETS
 from grasp_factory.sampling import Stream, rng_for, sample_spec
 from grasp_factory.sections import ClutterConfig, WorkspaceConfig
@@ -174,6 +175,8 @@ class TestStreams:
 
         monkeypatch.setattr(sampling, "rng_for", burnt)
         for aspect, was in zip(aspects, before, strict=True):
+            if aspect is others and stream is Stream.OBJECTS:
+                continue  # they belong to the target's split, whichever that is
             assert (aspect(STRONG) != was) == (aspect is changes)
 
     def test_other_policy_weights_leave_objects_and_poses_alone(self) -> None:
@@ -292,3 +295,35 @@ class TestWeights:
         expected = "unknown object set 'blob'; did you mean 'blobs'.*valid: blobs, classic"
         with pytest.raises(UnknownNameError, match=expected):
             sample_spec(config, 0)
+
+
+class TestSplits:
+    """An object belongs to a split for ever, and so does an episode with all that lies in it."""
+
+    @pytest.mark.parametrize("count", [1, 4])
+    @pytest.mark.parametrize("object_sets", [{"procedural": 1.0}, FactoryConfig().object_sets])
+    def test_no_object_occurs_in_two_splits(
+        self, count: int, object_sets: dict[str, float]
+    ) -> None:
+        config = FactoryConfig(object_sets=object_sets, clutter=ClutterConfig(count=count))
+        seen: dict[str, set[str]] = {"train": set(), "val": set(), "test": set()}
+        for seed in (0, 1):
+            for spec in specs(dataclasses.replace(config, seed=seed), 300):
+                seen[spec.objects[0].split] |= {recipe.object_id for recipe in spec.objects}
+        assert all(seen.values())
+        assert not seen["train"] & seen["test"]
+        assert not seen["train"] & seen["val"]
+        assert not seen["val"] & seen["test"]
+
+    def test_where_a_set_has_no_other_object_of_the_split_the_target_falls_twice(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        alone = {"classic/cube": "test"}
+        monkeypatch.setattr(
+            ObjectModel, "split", property(lambda model: alone.get(model.object_id, "train"))
+        )
+        config = FactoryConfig(object_sets={"classic": 1.0}, clutter=ClutterConfig(count=3))
+        of_test = [spec for spec in specs(config, 60) if spec.objects[0].split == "test"]
+        assert of_test
+        for spec in of_test:
+            assert {recipe.object_id for recipe in spec.objects} == {"classic/cube"}

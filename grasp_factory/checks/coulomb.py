@@ -45,6 +45,7 @@ def _recipe(force: float) -> EpisodeSpec:
     cube = ObjectSpec(
         object_set="classic",
         object_id=model.object_id,
+        family=model.family,
         split=model.split,
         mass=mass,
         lateral_friction=model.lateral_friction,
