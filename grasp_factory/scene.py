@@ -83,7 +83,8 @@ def _load_object(world: World, recipe: ObjectSpec) -> int:
     pose, color = recipe.drop_pose, recipe.color or model.color
     if isinstance(model.body, UrdfFile):
         path = DATA / model.body.path
-        body = world.load_urdf(path, pose, fixed=False, scale=recipe.scale)
+        scale = model.body.scale * recipe.scale
+        body = world.load_urdf(path, pose, fixed=False, scale=scale)
         world.change_dynamics(body, -1, mass=recipe.mass)
     else:
         body = world.add_compound(model.body, pose, mass=recipe.mass, scale=recipe.scale)

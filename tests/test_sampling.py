@@ -266,10 +266,10 @@ class TestWeights:
     def test_objects_of_a_set_are_drawn_evenly(self) -> None:
         config = FactoryConfig(object_sets={"classic": 1.0})
         counts = Counter(spec.objects[0].object_id for spec in specs(config, DRAWS))
-        expected = DRAWS / 7
+        expected = DRAWS / 9
         chi_square = sum((count - expected) ** 2 / expected for count in counts.values())
-        assert len(counts) == 7
-        assert chi_square < 22.5  # six degrees of freedom: exceeded once in a thousand
+        assert len(counts) == 9
+        assert chi_square < 26.1  # eight degrees of freedom: exceeded once in a thousand
 
     def test_a_weight_of_zero_is_never_drawn(self) -> None:
         for policies_ in ({"top_down": 0.0, "uniform": 1.0}, {"top_down": 1.0, "uniform": 0.0}):

@@ -40,6 +40,8 @@ class UrdfFile:
 
     path: str
     """Inside ``pybullet_data``."""
+    scale: float = 1.0
+    """Factor on the file's own size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

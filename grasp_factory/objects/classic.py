@@ -1,7 +1,7 @@
 """The graspable bodies that pybullet_data ships one by one.
 
-Left out for their size are the domino, 6 mm thick where it lies, and the mug, 82 mm wide, which
-collides as if it were full besides; the procedural mugs are hollow.
+The domino lies 6 mm thick under fingertips that stay 5 mm above the table: a hard case. The mug
+collides as if it were full; the procedural ones are hollow.
 """
 
 from __future__ import annotations
@@ -9,11 +9,13 @@ from __future__ import annotations
 from grasp_factory.objects.base import FiniteSet, ObjectModel, UrdfFile, Vector3
 
 
-def _model(name: str, path: str, lower: Vector3, upper: Vector3, mass: float) -> ObjectModel:
+def _model(
+    name: str, file: UrdfFile | str, lower: Vector3, upper: Vector3, mass: float
+) -> ObjectModel:
     return ObjectModel(
         object_id=f"classic/{name}",
         family=name,
-        body=UrdfFile(path=path),
+        body=UrdfFile(path=file) if isinstance(file, str) else file,
         lower=lower,
         upper=upper,
         mass=mass,
@@ -25,7 +27,8 @@ def _model(name: str, path: str, lower: Vector3, upper: Vector3, mass: float) ->
 
 # Boxes and spheres are those of the files' collision shapes; the boxes of duck and teddy those of
 # duck_vhacd.obj and teddy2_VHACD_CHs.obj at the files' scale, to 0.1 mm. Masses are the files',
-# but for the brick, whose 0.1 kg would be denser than stone: this is solid ABS, 1050 kg/m3.
+# but for the brick, whose 0.1 kg would be denser than stone: this is solid ABS, 1050 kg/m3; and the
+# mug, whose 1 kg is three times a real one's. It is made a tenth smaller to fit every gripper.
 _MODELS = (
     _model("cube", "cube_small.urdf", (-0.025, -0.025, -0.025), (0.025, 0.025, 0.025), 0.1),
     _model("sphere", "sphere_small.urdf", (-0.03, -0.03, -0.03), (0.03, 0.03, 0.03), 0.1),
@@ -33,11 +36,25 @@ _MODELS = (
     _model("teddy", "teddy_vhacd.urdf", (0.0298, 0.0195, 0.0009), (0.1059, 0.1127, 0.0637), 0.1),
     _model("block", "block.urdf", (-0.05, -0.009, -0.009), (0.05, 0.009, 0.009), 0.02),
     _model("jenga", "jenga/jenga.urdf", (-0.075, -0.025, -0.015), (0.075, 0.025, 0.015), 0.05),
+    _model(
+        "domino",
+        "domino/domino.urdf",
+        (-0.003175, -0.0127, -0.0254),
+        (0.003175, 0.0127, 0.0254),
+        0.025,
+    ),
+    _model(
+        "mug",
+        UrdfFile(path="objects/mug.urdf", scale=0.9),
+        (-0.0369, -0.0369, 0.0),
+        (0.0369, 0.07257, 0.09),
+        0.3,
+    ),
     _model("lego", "lego/lego.urdf", (-0.016, -0.016, -0.0115), (0.016, 0.016, 0.0115), 0.025),
 )
 
 CLASSIC = FiniteSet(
     name="classic",
-    description="cube, sphere, duck, teddy, wooden blocks and a toy brick of pybullet_data",
+    description="cube, sphere, duck, teddy, mug, blocks, domino and brick of pybullet_data",
     models={model.object_id: model for model in _MODELS},
 )
