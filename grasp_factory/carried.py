@@ -33,6 +33,16 @@ def unpack(path: Path, config: FactoryConfig) -> None:
             find_set(name, sha256)
         except ConfigError:
             data = read_objects(path, name)
-            if data is not None and unpack_folder(data) != sha256:
-                what = f"its objects of set {name!r} are not those that it was made with"
-                raise StoreError(f"{path} is damaged: {what}") from None
+            if data is not None:
+                _unpack_whole(path, name, sha256, data)
+
+
+def _unpack_whole(path: Path, name: str, sha256: str, data: bytes) -> None:
+    """Put an archive into the cache if it is the one that the config names."""
+    try:
+        found = unpack_folder(data)
+    except StoreError as error:
+        raise StoreError(f"{path} is damaged: its objects of set {name!r}: {error}") from None
+    if found != sha256:
+        what = f"its objects of set {name!r} are not those that it was made with"
+        raise StoreError(f"{path} is damaged: {what}")

@@ -185,11 +185,13 @@ def preview(out: Path, n: int, **options: Any) -> None:
     sees them before the attempt.
     """
     from grasp_factory.preview import draw_preview
+    from grasp_factory.progress import Counter
     from grasp_factory.sheet import check_png, write_png
 
     check_png(out)
-    with click.progressbar(length=n, label="scenes", file=sys.stderr) as bar:
-        image = draw_preview(request_from(**options).config, n, lambda: bar.update(1))
+    config = request_from(**options).config
+    with Counter(n, "scene") as counter:
+        image = draw_preview(config, n, counter.count)
     write_png(out, image)
     click.echo(out)
 

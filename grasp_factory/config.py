@@ -34,6 +34,9 @@ from grasp_factory.sections import (
     WorkspaceConfig,
 )
 
+MAX_VIDEO_GB = 4
+"""Of memory, in each worker."""
+
 
 def _check_weights(key: str, weights: Mapping[str, float]) -> None:
     ok = all(weight >= 0.0 for weight in weights.values()) and 0.0 < sum(weights.values())
@@ -115,6 +118,7 @@ class FactoryConfig:
         self._check_rate("record_hz")
         if self.video_hz:
             self._check_rate("video_hz")
+            self._check_video()
         self._check_randomize()
         valid = f"less than motion.lift_height ({self.motion.lift_height})"
         lift = self.label.min_lift
@@ -122,6 +126,17 @@ class FactoryConfig:
         strongest = max(self.shake.levels, default=0.0)
         valid = f"at most the last of shake.levels ({strongest})"
         check(self.label.min_shake <= strongest, "label.min_shake", self.label.min_shake, valid)
+
+    def _check_video(self) -> None:
+        """Check that a block's videos can be held, as it is written whole."""
+        width, height = self.resolution
+        frames = self.longest_video * self.block_size * len(self.cameras)
+        size = frames * width * height * 3 / 1e9
+        valid = (
+            f"less: a block's videos would take up to {size:.0f} GB of memory, valid: up to"
+            f" {MAX_VIDEO_GB}; a smaller block_size or resolution helps too"
+        )
+        check(size <= MAX_VIDEO_GB, "video_hz", self.video_hz, valid)
 
     def _check_rate(self, key: str) -> None:
         for name in ("free_hz", "contact_hz"):

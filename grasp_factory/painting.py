@@ -108,7 +108,10 @@ def grasp_pixels(episode: Episode, frames: CameraFrames) -> Array | None:
     apart as before closing.
     """
     columns = episode.columns
-    T = transform(quat_xyzw_to_matrix(columns["grasp_quat_xyzw"]), columns["grasp_position"])
+    quat = columns["grasp_quat_xyzw"]
+    if not np.linalg.norm(quat) > 0.0:  # no orientation, or NaN
+        return None
+    T = transform(quat_xyzw_to_matrix(quat), columns["grasp_position"])
     half = columns["grasp_width"] / 2.0
     local = np.array([[0, half, 0], [0, -half, 0], [0, 0, 0], [0, 0, -0.05]], np.float64)
     camera = apply(inverse(frames.T_world_camera[0]), apply(T, local))

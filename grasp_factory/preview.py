@@ -39,7 +39,7 @@ def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) ->
     if not 1 <= n <= MOST:
         raise UsageError(f"{n} scenes: valid: 1 to {MOST}")
     width, height = config.resolution
-    size = (TILE_WIDTH, max(16, round(TILE_WIDTH * height / width)))
+    size = (TILE_WIDTH, min(max(16, round(TILE_WIDTH * height / width)), 2 * TILE_WIDTH))
     small = dataclasses.replace(config, resolution=size)
     tiles = []
     with World() as world:

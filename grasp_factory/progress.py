@@ -26,6 +26,26 @@ def stopped_text(path: Path) -> str:
     return f"Stopped: {made}; run the same command again to go on."
 
 
+class Counter:
+    """A bar over things that are done one after the other, where stderr is a terminal."""
+
+    def __init__(self, total: int, unit: str) -> None:
+        self._bar = tqdm(
+            total=total, unit=unit, disable=not sys.stderr.isatty(), leave=False, dynamic_ncols=True
+        )
+
+    def count(self) -> None:
+        """Count one."""
+        self._bar.update()
+
+    def __enter__(self) -> Counter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the bar."""
+        self._bar.close()
+
+
 class Progress:
     """Says what will be done, then shows a bar; the bar only where stderr is a terminal."""
 

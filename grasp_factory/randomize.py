@@ -66,7 +66,10 @@ class LooksConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraJitter:
-    """How far cameras stand from where the config puts them: limits to either side."""
+    """How far cameras stand from where the config puts them: limits to either side.
+
+    Those on the hand get a tenth of it.
+    """
 
     eye: float = 0.0
     """Metres along each axis."""
@@ -97,7 +100,7 @@ class BodyRange:
     angular_damping: Range = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        _check_ranges(self, 0.25, 4.0, "scale")
+        _check_ranges(self, 0.25, 2.0, "scale")
         _check_ranges(self, 0.1, 10.0, "mass", "friction")
         _check_ranges(self, 0.0, 0.9, "linear_damping", "angular_damping")
 
@@ -109,7 +112,7 @@ class GripperRange:
     force: Range = (1.0, 1.0)
     """Factor on ``grip_force``; the gripper's own limits hold."""
     speed: Range = (1.0, 1.0)
-    """Factor on the speeds of approach, closing and lift."""
+    """Factor on the speeds of approach, closing and lift; transfer and shake keep theirs."""
 
     def __post_init__(self) -> None:
         _check_ranges(self, 0.1, 10.0, "force")

@@ -48,8 +48,8 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
     attempt = Attempt(scene)
     chosen: Grasp | None = None
     after = before
-    if settled is not None:
-        outcome = settled
+    if settled.outcome is not None:
+        outcome = settled.outcome
     else:
         plan = _plan(scene, {name: shot.image for name, shot in before.items()})
         chosen, motion = choose(scene, plan)
@@ -75,6 +75,7 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
         | {
             "object_com": object_com,
             "object_rest_pose": rest_pose,
+            "object_settled": settled.at_rest,
             "object_displacement": displacement,
             "object_lift": lift,
             "rest_height": rest_height,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from enum import IntEnum
 
@@ -48,9 +49,17 @@ class Stream(IntEnum):
     CAMERAS = 10
 
 
-def rng_for(seed: int, index: int, stream: Stream) -> np.random.Generator:
-    """Return the generator of one purpose in one episode; it depends on nothing else."""
-    sequence = np.random.SeedSequence(seed, spawn_key=(index, int(stream)))
+def rng_for(seed: int, index: int, stream: Stream, name: str = "") -> np.random.Generator:
+    """Return the generator of one purpose in one episode; it depends on nothing else.
+
+    Args:
+        seed: Of the dataset.
+        index: Of the episode.
+        stream: The purpose.
+        name: Of one of several things that serve the same purpose.
+    """
+    more = (zlib.crc32(name.encode()),) if name else ()
+    sequence = np.random.SeedSequence(seed, spawn_key=(index, int(stream), *more))
     return np.random.default_rng(sequence)
 
 
@@ -78,7 +87,11 @@ def sample_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
         policy_parameters=to_plain(parameters),
         objects=_sample_objects(config, index),
         surroundings=draw_surroundings(ranges.looks, rng(Stream.SURROUNDINGS, around)),
-        cameras=draw_cameras(ranges.cameras, config.cameras, rng(Stream.CAMERAS, around)),
+        cameras=draw_cameras(
+            ranges.cameras,
+            config.cameras,
+            lambda name: rng_for(config.seed, around, Stream.CAMERAS, name),
+        ),
         resolution=config.resolution,
         record_hz=config.record_hz,
         imu_hz=config.imu_rate,

@@ -12,6 +12,7 @@ from grasp_factory.camera import Camera
 from grasp_factory.episode import CameraImage, EpisodeSpec, ObjectSpec, SceneView
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.geometry import Array
+from grasp_factory.labels import FELL_OFF
 from grasp_factory.objects import UrdfFile, find_set
 from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS, Robot
@@ -102,11 +103,37 @@ def _load_object(world: World, recipe: ObjectSpec) -> int:
     return body
 
 
-def settle(scene: Scene) -> Outcome | None:
-    """Let the objects fall; return why the attempt cannot go on, or None when it can.
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """How the fall ended."""
+
+    outcome: Outcome | None
+    """Why the attempt cannot go on; None when it can."""
+    at_rest: NDArray[np.bool_]
+    """Which objects, (M,)."""
+
+
+def settle(scene: Scene) -> Settled:
+    """Let the objects fall until all on the table are at rest, or the time for it is over.
 
     Raises:
         RecipeError: if the simulation diverged.
+    """
+    poses, at_rest = _fall(scene)
+    for recipe, pose in zip(scene.spec.objects, poses, strict=True):
+        if not np.isfinite(pose).all():
+            raise RecipeError(f"the simulation of {recipe.object_id} diverged: {pose[:3]}")
+    if not is_inside(scene.com(), scene.spec.workspace):
+        return Settled(Outcome.LEFT_WORKSPACE, at_rest)
+    awaited = _awaited(poses, scene.spec.workspace)
+    return Settled(None if at_rest[awaited].all() else Outcome.NEVER_SETTLED, at_rest)
+
+
+def _fall(scene: Scene) -> tuple[Array, NDArray[np.bool_]]:
+    """Step until all objects on the table are at rest, or the time for it is over.
+
+    Returns:
+        The poses (M, 7) of their centres of mass, and which of them are at rest, (M,).
     """
     world, physics, robot = scene.world, scene.spec.physics, scene.robot
     world.set_rate(physics.free_hz)
@@ -115,31 +142,26 @@ def settle(scene: Scene) -> Outcome | None:
     window = SETTLE_CHECKS_PER_WINDOW
     steps = max(1, round(SETTLED_S / window * physics.free_hz))
     poses = [_poses(scene)]
-    settled = False
+    at_rest = np.zeros(len(scene.objects), np.bool_)
     for _ in range(max(window, round(physics.settle_s * physics.free_hz / steps))):
         for _ in range(steps):
             world.step()
         poses.append(_poses(scene))
         if len(poses) > window:
-            awaited = _awaited(poses[-1], scene.spec.workspace)
-            settled = _are_close(poses[-1 - window][awaited], poses[-1][awaited])
-        if settled:
+            at_rest = _are_close(poses[-1 - window], poses[-1])
+        if (at_rest | (poses[-1][:, 2] < FELL_OFF)).all():
             break
-    com = scene.com()
-    if not np.isfinite(com).all():
-        raise RecipeError(f"the simulation of {scene.spec.objects[0].object_id} diverged: {com}")
-    if not is_inside(com, scene.spec.workspace):
-        return Outcome.LEFT_WORKSPACE
-    return None if settled else Outcome.NEVER_SETTLED
+    return poses[-1], at_rest
 
 
 def _awaited(poses: Array, workspace: WorkspaceConfig) -> NDArray[np.bool_]:
-    """Return which objects (M,) must come to rest: the target, and the others in the workspace.
+    """Return which objects (M,) must come to rest: the target, and those in or above the workspace.
 
     One that rolls away over the table has nothing to do with the attempt.
     """
-    inside = [is_inside(pose[:3], workspace) for pose in poses]
-    return np.array([True, *inside[1:]])
+    xy, lower, upper = poses[:, :2], workspace.lower[:2], workspace.upper[:2]
+    inside = ((xy >= lower) & (xy <= upper)).all(axis=1)
+    return np.asarray(inside | (np.arange(len(poses)) == 0))
 
 
 def is_inside(point: Array, workspace: WorkspaceConfig) -> bool:
@@ -195,8 +217,8 @@ def _poses(scene: Scene) -> Array:
     return np.array([(*position, *quat) for position, quat in frames])
 
 
-def _are_close(before: Array, after: Array) -> bool:
-    """Return whether no object has moved or turned more than one at rest may."""
+def _are_close(before: Array, after: Array) -> NDArray[np.bool_]:
+    """Return which objects have not moved or turned more than one at rest may."""
     way = np.linalg.norm(after[:, :3] - before[:, :3], axis=1)
     half_cosine = np.abs((before[:, 3:] * after[:, 3:]).sum(axis=1)).clip(max=1.0)
-    return bool((way < SETTLED_WAY).all() and (2 * np.arccos(half_cosine) < SETTLED_TURN).all())
+    return np.asarray((way < SETTLED_WAY) & (2 * np.arccos(half_cosine) < SETTLED_TURN))

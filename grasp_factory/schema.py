@@ -107,6 +107,8 @@ FIELDS: tuple[Field, ...] = (
     _f("episodes/object_ids", ("M",), "string", "every object, the target first"),
     _f("episodes/object_rest_pose", ("M", 7), "float64",
        "position (m) and quat_xyzw of each object before the attempt", frame="world"),
+    _f("episodes/object_settled", ("M",), "bool",
+       "whether each object was at rest then; one outside the workspace need not be"),
     _f("episodes/object_displacement", ("M",), "float64",
        "way of each object's centre of mass from its rest to the end of the attempt", units="m"),
     _f("episodes/object_lift", ("M",), "float64",

@@ -13,7 +13,7 @@ from grasp_factory import painting
 from grasp_factory.dataset import Dataset
 from grasp_factory.episode import CameraFrames, Episode
 from grasp_factory.errors import StoreError, UsageError, lookup
-from grasp_factory.outcome import Label, names
+from grasp_factory.outcome import Label, label_names
 from grasp_factory.painting import Image
 
 COLUMNS = ("before", "after", "depth before", "segmentation before")
@@ -83,7 +83,7 @@ def check_png(path: Path) -> None:
         UsageError: if the name does not end in .png or its folder does not exist.
     """
     if path.suffix.lower() != ".png":
-        raise UsageError(f"{path}: the sheet is a PNG image, valid: a name that ends in .png")
+        raise UsageError(f"{path}: what is drawn is a PNG image, valid: a name that ends in .png")
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist")
 
@@ -111,7 +111,7 @@ def caption(episode: Episode) -> str:
     if lift > WORTH_TELLING:  # never true of NaN
         words.append(f"lifted {100 * lift:.1f} cm")
     if episode.columns["collision_body"]:
-        labels = names(Label)
+        labels = label_names(len(spec.objects))
         words.append(f"hit the {labels[int(episode.columns['collision_body'])]}")
     return "   ".join(words)
 

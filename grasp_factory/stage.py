@@ -27,8 +27,8 @@ on the objects, because Bullet does not report rolling moments and touch must be
 TABLE_SPINNING_FRICTION = 0.001
 """As above, against spinning on the spot, which nothing else would stop for a ball."""
 
-MAX_BACKGROUNDS = 16
-"""Backgrounds kept in memory, 3.4 MB each at 640x480."""
+MAX_BACKGROUND_BYTES = 200_000_000
+"""For the backgrounds that are kept: 58 at 640x480, or 19 surroundings seen by three cameras."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,12 +88,14 @@ def _background(world: World, spec: EpisodeSpec, name: str) -> tuple[Camera, Ren
     config = spec.cameras[name]
     camera = make_camera(name, config, spec.resolution)
     key = (spec.surroundings, config, spec.resolution)
-    if key not in _backgrounds:
-        while len(_backgrounds) >= MAX_BACKGROUNDS:
-            del _backgrounds[next(iter(_backgrounds))]
+    found = _backgrounds.pop(key, None)
+    if found is None:
         _dress(world, *_start(world, spec), spec.surroundings)
-        _backgrounds[key] = render(world, camera, spec.surroundings.light)
-    return camera, _backgrounds[key]
+        found = render(world, camera, spec.surroundings.light)
+    _backgrounds[key] = found  # the last one of the dictionary is the one used last
+    while len(_backgrounds) > max(1, MAX_BACKGROUND_BYTES // found.nbytes):
+        del _backgrounds[next(iter(_backgrounds))]
+    return camera, found
 
 
 def _start(world: World, spec: EpisodeSpec) -> tuple[int, int]:

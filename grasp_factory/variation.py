@@ -5,7 +5,7 @@ from __future__ import annotations
 import colorsys
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +24,8 @@ from grasp_factory.sections import CameraConfig, MotionConfig, Mount
 from grasp_factory.textures import TEXTURES
 
 HAND_SHARE = 0.1
-"""Share of the cameras' jitter that those on the hand get: a tenth of the distances, as they are
-screwed to it and look at things so much nearer."""
+"""Share of the cameras' jitter that those on the hand get, as they are screwed to it and look at
+things so much nearer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +91,19 @@ def draw_surroundings(looks: LooksConfig, rng: np.random.Generator) -> Surroundi
 
 
 def draw_cameras(
-    jitter: CameraJitter, cameras: Mapping[str, CameraConfig], rng: np.random.Generator
+    jitter: CameraJitter,
+    cameras: Mapping[str, CameraConfig],
+    rng_of: Callable[[str], np.random.Generator],
 ) -> dict[str, CameraConfig]:
-    """Draw where each camera stands, in the order of their names."""
-    return {name: _moved(jitter, cameras[name], rng) for name in sorted(cameras)}
+    """Draw where each camera stands, in the order of their names.
+
+    Args:
+        jitter: How far they move.
+        cameras: By name.
+        rng_of: From a camera's name to where its chance comes from, so that one more camera
+            leaves the others where they are.
+    """
+    return {name: _moved(jitter, cameras[name], rng_of(name)) for name in sorted(cameras)}
 
 
 def _moved(jitter: CameraJitter, camera: CameraConfig, rng: np.random.Generator) -> CameraConfig:

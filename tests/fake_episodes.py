@@ -133,4 +133,6 @@ def _random(rng: np.random.Generator, row: schema.Field, shape: tuple[int, ...])
         values = rng.normal(size=shape).astype(dtype)
         holes = rng.random(shape)
         return np.where(holes < 0.1, np.nan, np.where(holes < 0.2, -0.0, values)).astype(dtype)
+    if dtype.kind == "b":
+        return rng.random(shape) < 0.5
     return rng.integers(0, len(row.names) or 256, size=shape, dtype=dtype)

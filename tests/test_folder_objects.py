@@ -40,7 +40,7 @@ GEOMETRY = Geometry(
 )
 ITEM = FolderObject(
     family="mesh",
-    source_sha256=digest(b"a source"),
+    shape_sha256=digest(b"a source"),
     mass=0.1,
     lateral_friction=0.5,
     color=(0.5, 0.5, 0.5),

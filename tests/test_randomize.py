@@ -130,6 +130,13 @@ class TestDraws:
             assert again == spec
             assert list(again.cameras) == list(spec.cameras)  # their order decides how views fuse
 
+    def test_one_more_camera_leaves_the_others_where_they_are(self) -> None:
+        few, all_of_them = (
+            sample_spec(config("strong", cameras=cameras), 5).cameras
+            for cameras in ({"wrist": ALL_CAMERAS["wrist"]}, ALL_CAMERAS)
+        )
+        assert few["wrist"] == all_of_them["wrist"]
+
     def test_one_kind_of_draw_does_not_move_another(self) -> None:
         plain, strong = config(), config("strong")
         for index in range(20):
@@ -170,6 +177,10 @@ class TestRefusals:
             ("clutter.radius=2", "radius: got 2.0"),
             ("cameras=[fornt]", "unknown camera 'fornt'; did you mean 'front'?"),
             ("video_hz=7", "video_hz: got 7, valid: a divisor of physics.free_hz (240)"),
+            (
+                "video_hz=120",
+                "video_hz: got 120, valid: less: a block's videos would take up to 8 GB",
+            ),
             ("cameras.front.mount=hand", "mount: got 'hand', valid: world, tcp"),
         ],
     )

@@ -167,8 +167,8 @@ class TestStreams:
         )  # fmt: skip
         before = [aspect(STRONG) for aspect in aspects]
 
-        def burnt(seed: int, index: int, of: Stream) -> np.random.Generator:
-            rng = rng_for(seed, index, of)
+        def burnt(seed: int, index: int, of: Stream, name: str = "") -> np.random.Generator:
+            rng = rng_for(seed, index, of, name)
             if of is stream:
                 rng.random()
             return rng

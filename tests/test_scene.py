@@ -7,6 +7,7 @@ import pytest
 from scenes import SMALL, cube_spec, take_images
 
 from grasp_factory.errors import UnknownNameError
+from grasp_factory.geometry import Pose
 from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling import sample_spec
@@ -22,28 +23,28 @@ def world():
 
 def test_a_dropped_cube_comes_to_rest_on_the_table(world):
     scene = build_scene(world, cube_spec((0.55, 0.05, 0.10), (0.1, 0.2, 0.0, 0.97468)))
-    assert settle(scene) is None
+    assert settle(scene).outcome is None
     assert scene.com()[2] == pytest.approx(0.025, abs=1e-3)
 
 
 def test_an_object_that_is_let_go_outside_has_left_the_workspace(world):
     scene = build_scene(world, cube_spec((0.9, 0.0, 0.05)))
-    assert settle(scene) is Outcome.LEFT_WORKSPACE
+    assert settle(scene).outcome is Outcome.LEFT_WORKSPACE
 
 
 def test_an_object_that_falls_off_the_table_has_left_the_workspace(world):
     scene = build_scene(world, cube_spec((1.14, 0.0, 0.05), (0.0, 0.3, 0.0, 0.954)))
-    assert settle(scene) is Outcome.LEFT_WORKSPACE
+    assert settle(scene).outcome is Outcome.LEFT_WORKSPACE
 
 
 def test_an_object_that_still_moves_when_time_is_over_never_settled(world):
     hurried = dataclasses.replace(SMALL.physics, settle_s=0.1)
     scene = build_scene(world, cube_spec((0.55, 0.0, 0.25), physics=hurried))
-    assert settle(scene) is Outcome.NEVER_SETTLED
+    assert settle(scene).outcome is Outcome.NEVER_SETTLED
 
 
 def test_most_default_objects_settle_inside_the_workspace(world):
-    outcomes = [settle(build_scene(world, sample_spec(SMALL, i))) for i in range(60)]
+    outcomes = [settle(build_scene(world, sample_spec(SMALL, i))).outcome for i in range(60)]
     assert outcomes.count(None) >= 54
 
 
@@ -102,9 +103,46 @@ def test_names_that_no_table_has_are_named(world, change, message):
 @pytest.mark.parametrize("index", [11, 17, 31, 42])
 def test_an_object_that_no_longer_moves_has_settled_though_its_velocity_chatters(world, index):
     scene = build_scene(world, sample_spec(SMALL, index))
-    outcome = settle(scene)
+    outcome = settle(scene).outcome
     before = scene.com()
     for _ in range(240):
         world.step()
     moved = np.linalg.norm(scene.com() - before)
     assert (outcome is None) == (moved < 0.003)
+
+
+def test_a_neighbor_that_rolls_outside_the_workspace_is_not_waited_for_and_says_so(world):
+    spec = cube_spec()
+    ball = dataclasses.replace(
+        spec.objects[0],
+        object_id="classic/sphere",
+        drop_pose=Pose((0.95, 0.3, 0.4), (0.0, 0.0, 0.0, 1.0)),
+    )
+    hurried = dataclasses.replace(spec.physics, settle_s=0.6)
+    settled = settle(
+        build_scene(world, cube_spec(objects=(spec.objects[0], ball), physics=hurried))
+    )
+    assert settled.outcome is None
+    assert settled.at_rest.tolist() == [True, False]
+
+
+def test_a_neighbor_that_still_moves_above_the_workspace_is_waited_for(world):
+    spec = cube_spec()
+    high = dataclasses.replace(
+        spec.objects[0], drop_pose=Pose((0.6, -0.1, 1.4), (0.0, 0.0, 0.0, 1.0))
+    )
+    hurried = dataclasses.replace(spec.physics, settle_s=0.5)
+    settled = settle(
+        build_scene(world, cube_spec(objects=(spec.objects[0], high), physics=hurried))
+    )
+    assert settled.outcome is Outcome.NEVER_SETTLED
+
+
+def test_a_texture_that_is_shown_many_times_is_loaded_once(world):
+    scene = build_scene(world, cube_spec())
+    loaded = []
+    for _ in range(3):
+        world.set_look(scene.stage.table, (1.0, 1.0, 1.0), "wood/1")
+        loaded.append(dict(world._textures))
+    assert loaded[0] == loaded[1] == loaded[2]
+    assert list(loaded[0]) == ["wood/1"]

@@ -114,6 +114,14 @@ def test_the_caption_of_a_collision_names_what_was_hit() -> None:
     assert "lifted" not in text
 
 
+def test_a_neighbor_that_was_hit_is_named() -> None:
+    made = episode(Outcome.COLLISION)
+    spec = dataclasses.replace(made.spec, objects=made.spec.objects * 3)
+    columns = dict(made.columns) | {"collision_body": np.uint8(7)}
+    text = sheet.caption(dataclasses.replace(made, spec=spec, columns=columns))
+    assert "hit the object_2" in text
+
+
 def test_a_planned_grasp_is_drawn_where_it_projects() -> None:
     made = episode()
     K = np.array([[30.0, 0, 16], [0, 30.0, 12], [0, 0, 1]])

@@ -51,10 +51,19 @@ class TestBackgrounds:
             assert np.array_equal(image.rgb, again[name][1].rgb)
             assert np.array_equal(image.zbuffer, again[name][1].zbuffer)
 
-    def test_there_are_never_more_than_memory_allows(self, world: World) -> None:
-        for index in range(stage.MAX_BACKGROUNDS):
+    def test_there_are_never_more_than_memory_allows_and_the_one_used_last_stays(
+        self, world: World, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        stage._backgrounds.clear()
+        build_scene(world, crowd(0))
+        size = sum(render.nbytes for render in stage._backgrounds.values())
+        monkeypatch.setattr(stage, "MAX_BACKGROUND_BYTES", 3 * size)
+        kept = set(stage._backgrounds)
+        for index in range(1, 5):
             build_scene(world, crowd(index))
-        assert len(stage._backgrounds) == stage.MAX_BACKGROUNDS
+            build_scene(world, crowd(0))
+            assert kept <= set(stage._backgrounds)
+        assert len(stage._backgrounds) == 6
 
     def test_surroundings_that_come_again_are_not_rendered_again(
         self, world: World, monkeypatch: pytest.MonkeyPatch

@@ -33,6 +33,11 @@ class Render:
     mask: NDArray[np.int32]
     """(H, W): body + (link + 1) * 2^24, or -1."""
 
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes, with the channel that its RGB is a view of."""
+        return self.zbuffer.nbytes + self.mask.nbytes + self.rgb.nbytes // 3 * 4
+
     def pixels_of(self, body: int) -> int:
         """Return how many pixels show a body."""
         return int(np.count_nonzero((self.mask >= 0) & (self.mask & _BODY_MASK == body)))

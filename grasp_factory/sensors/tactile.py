@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, Pose
+from grasp_factory.outcome import Label
 from grasp_factory.robots import Robot
 from grasp_factory.schema import MAX_CONTACTS
 from grasp_factory.sensors.base import Sensor, Tick
@@ -60,7 +61,7 @@ class TactilePads(Sensor):
 
         wrench = np.zeros((samples, 2, 6))
         np.add.at(wrench, (record, pad), np.hstack([force, np.cross(point, force)]))
-        slot, kept = _slots(record * 2 + pad, rows[:, 10])
+        slot, kept = _slots(record * 2 + pad, label != Label.TARGET, rows[:, 10])
         where = (record[kept], pad[kept], slot[kept])
         out: dict[str, NDArray[Any]] = {"tactile_wrench": wrench.astype(np.float32)}
         for name, values in (("position", point), ("force", force), ("normal", normal)):
@@ -88,9 +89,14 @@ def _to_frame(R: Array, vectors: Array) -> Array:
     return np.asarray(np.einsum("sji,sj->si", R, vectors))
 
 
-def _slots(group: NDArray[np.int_], strength: Array) -> tuple[NDArray[np.int_], NDArray[np.bool_]]:
-    """Return each row's place within its group, the strongest first, and whether it is kept."""
-    order = np.lexsort((-strength, group))
+def _slots(
+    group: NDArray[np.int_], is_other: NDArray[np.bool_], strength: Array
+) -> tuple[NDArray[np.int_], NDArray[np.bool_]]:
+    """Return each row's place within its group, and whether it is kept.
+
+    The target's come first, for labels are read from them, then the strongest.
+    """
+    order = np.lexsort((-strength, is_other, group))
     starts = np.r_[True, group[order][1:] != group[order][:-1]] if len(group) else np.zeros(0, bool)
     position = np.arange(len(group))
     first = np.maximum.accumulate(np.where(starts, position, 0))

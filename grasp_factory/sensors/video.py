@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera
+from grasp_factory.geometry import Array
 from grasp_factory.sensors.images import Render
 
 Frames = Mapping[str, tuple[Camera, Render]]
@@ -21,12 +22,19 @@ class Video:
     def __init__(self, look: Callable[[], Frames]) -> None:
         self._look = look
         self._timestamps: list[float] = []
-        self._frames: list[Frames] = []
+        self._frames: list[dict[str, tuple[Array, NDArray[np.uint8]]]] = []
 
     def sample(self, timestamp: float) -> None:
         """Take a frame with every camera."""
         self._timestamps.append(timestamp)
-        self._frames.append(self._look())
+        # Of a render, only the image is kept, and not as a view of all four channels.
+        frames = self._look()
+        self._frames.append(
+            {
+                name: (camera.T_world_camera, whole.rgb.copy())
+                for name, (camera, whole) in frames.items()
+            }
+        )
 
     def series(self, cameras: Mapping[str, tuple[int, int]]) -> dict[str, NDArray[Any]]:
         """Return ``timestamp`` (n,), and ``rgb`` and ``T_world_camera`` of each camera.
@@ -36,8 +44,8 @@ class Video:
         """
         out: dict[str, NDArray[Any]] = {"timestamp": np.array(self._timestamps, np.float64)}
         for name, (width, height) in cameras.items():
-            rgb = [frames[name][1].rgb for frames in self._frames]
-            poses = [frames[name][0].T_world_camera for frames in self._frames]
+            poses = [frames[name][0] for frames in self._frames]
+            rgb = [frames[name][1] for frames in self._frames]
             out[f"{name}/rgb"] = np.array(rgb, np.uint8).reshape(-1, height, width, 3)
             out[f"{name}/T_world_camera"] = np.array(poses, np.float64).reshape(-1, 4, 4)
         return out

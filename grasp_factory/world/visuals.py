@@ -9,24 +9,22 @@ from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera, Light
 from grasp_factory.world.engine import p
-from grasp_factory.world.textures import load_texture
 
 Hidden = list[tuple[int, int, Sequence[float]]]
 """Link, its shape and the shape's colour, to show a body again."""
 
 
-def set_look(client: int, body: int, color: Sequence[float], texture: str) -> None:
-    """Show a body in a colour, multiplied with a texture's where one is named.
+NO_TEXTURE = -1
 
-    Raises:
-        UnknownNameError: if there is no such texture.
-    """
+
+def set_look(client: int, body: int, color: Sequence[float], texture: int) -> None:
+    """Show a body in a colour, multiplied with a texture's."""
     for link in range(-1, p.getNumJoints(body, physicsClientId=client)):
         p.changeVisualShape(
             body,
             link,
             rgbaColor=(*color, 1.0),
-            textureUniqueId=load_texture(client, texture) if texture else -1,
+            textureUniqueId=texture,
             physicsClientId=client,
         )
 

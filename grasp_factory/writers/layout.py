@@ -51,7 +51,7 @@ def create_array(
     whole = shape(row, config, joints, n)
     block = (config.block_size, *whole[1:])
     if row.is_image:
-        # A block of videos would be too large to hold: an episode of them is a shard.
+        # A block of videos, padded to the longest attempt, would be too large to hold.
         shards = (1, *whole[1:]) if row.is_video else block
         chunks = (1, 1, *whole[2:])
     elif row.length_column:
