@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def resolution(text: str) -> list[int]:
 def weighted(text: str) -> tuple[str, float]:
     """Return name and weight from NAME[:WEIGHT]; the name may be a folder's."""
     name, colon, weight = text.rpartition(":")
-    if not colon or Path(text).is_dir():
+    if not colon or os.path.isdir(text):  # unlike Path, it takes names that are too long
         return text, 1.0
     try:
         return name, float(weight)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Iterable
@@ -57,7 +58,7 @@ def import_usable(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderRe
 
 def _set_name(path: Path, taken: Iterable[str]) -> str:
     """Return a set's name for a folder: its own, as far as it can be one, and free."""
-    name = re.sub(r"\W", "_", path.resolve().name) or "objects"
+    name = re.sub(r"\W", "_", Path(os.path.realpath(path)).name) or "objects"
     if name[0].isdigit():
         name = f"_{name}"
     used = {*OBJECT_SETS, *taken}

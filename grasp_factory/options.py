@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,7 +14,9 @@ import click
 from grasp_factory.arguments import resolution, weighted
 from grasp_factory.cameras import CAMERAS
 from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import UsageError, shown
 from grasp_factory.randomize import RANDOMIZE_PRESETS
+from grasp_factory.records import check
 from grasp_factory.request import Request, resolve_request
 from grasp_factory.sections import PHYSICS_PRESETS
 from grasp_factory.yamltext import read_yaml
@@ -112,8 +115,9 @@ def request_from(*, file: Path | None, assignments: tuple[str, ...], **flags: An
         ConfigError: naming the key, what it got and what is valid.
     """
     settings = {key: value for key, value in flags.items() if value not in (None, ())}
-    for key in {"policies", "object_sets"} & settings.keys():
-        settings[key] = dict(settings[key])
+    for key, option in (("policies", "--policy"), ("object_sets", "--objects")):
+        if key in settings:
+            settings[key] = _once_each(option, settings[key])
     if "cameras" in settings:
         settings["cameras"] = list(settings["cameras"])
     written = read_yaml(file) if file else {}
@@ -128,12 +132,23 @@ def request_from(*, file: Path | None, assignments: tuple[str, ...], **flags: An
     return resolve_request(written, settings, assignments)
 
 
+def _once_each(option: str, pairs: Sequence[tuple[str, float]]) -> dict[str, float]:
+    weights = dict(pairs)
+    for name in weights:
+        check([n for n, _ in pairs].count(name) == 1, option, name, "each name once")
+    return weights
+
+
 def _import(folders: Sequence[str], robot: str) -> dict[str, tuple[str, str]]:
     """Import folders and return each one's set name and digest."""
     from grasp_factory.folders import import_usable
 
     found: dict[str, tuple[str, str]] = {}
-    for folder in folders:
+    places: dict[str, str] = {}
+    for folder in sorted(folders, key=os.path.realpath):  # names must not hang on their order
+        same = places.setdefault(os.path.realpath(folder), folder)
+        if same != folder:
+            raise UsageError(f"one folder is given twice: {shown(same)} and {shown(folder)}")
         report = import_usable(Path(folder), robot, [name for name, _ in found.values()])
         found[folder] = report.name, report.sha256
     return found
@@ -142,4 +157,4 @@ def _import(folders: Sequence[str], robot: str) -> dict[str, tuple[str, str]]:
 def _is_folder(name: str) -> bool:
     from grasp_factory.objects import OBJECT_SETS
 
-    return name not in OBJECT_SETS and ("/" in name or Path(name).is_dir())
+    return name not in OBJECT_SETS and ("/" in name or os.path.isdir(name))

@@ -111,6 +111,19 @@ class TestCache:
         monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # to be ignored, says the standard
         assert cache_dir() == Path("~/.cache/grasp-factory").expanduser()
 
+    def test_a_user_without_a_home_is_told_what_to_set(
+        self, monkeypatch: pytest.MonkeyPatch, cache: Path
+    ) -> None:
+        def refuse(_: Path) -> Path:
+            raise RuntimeError("Could not determine home directory.")
+
+        monkeypatch.setattr(Path, "expanduser", refuse)
+        monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+        assert cache_dir() == cache
+        monkeypatch.delenv(VARIABLE)
+        with pytest.raises(UsageError, match=f"no place for the cache: .*set {VARIABLE}"):
+            cache_dir()
+
     @pytest.mark.parametrize("path", ["/tmp/é", "/tmp/" + "a" * 900])
     def test_a_place_that_the_engine_cannot_open_is_refused(
         self, monkeypatch: pytest.MonkeyPatch, path: str
@@ -222,8 +235,10 @@ class TestArchives:
             (archive(members_with(COLLISION + b"f 0 1 2\n")), "a face without vertices"),
             (archive(members_with(COLLISION + b"v nan 0 0\n")), "lines that imports do"),
             (archive(members_with(b"")), "has no faces"),
+            (archive(members_with(COLLISION + b"v 1e999 0 0\n")), "numbers that no object has"),
+            (archive(members_with(COLLISION + b"v 0 -5 0\n")), "numbers that no object has"),
         ],
-        ids=range(18),
+        ids=range(20),
     )
     def test_an_archive_with_anything_else_changes_nothing(
         self, data: bytes, message: str, move: Callable[[], Path]

@@ -2,9 +2,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import resource
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,8 +16,17 @@ import numpy as np
 import pytest
 from helpers import assert_same_tree
 
+from grasp_factory import options
 from grasp_factory.errors import ConfigError, UsageError
-from grasp_factory.meshes import FolderReport, ImportedObject, Refusal, import_folder, report_text
+from grasp_factory.folders import import_for
+from grasp_factory.meshes import (
+    FolderReport,
+    ImportedObject,
+    Refusal,
+    import_folder,
+    report_text,
+    worker,
+)
 from grasp_factory.meshes import child as child_module
 from grasp_factory.meshes.child import Child, CrashError
 from grasp_factory.meshes.job import Job, Shape
@@ -154,6 +165,25 @@ class TestImporting:
         with pytest.raises(UsageError, match="is no folder with meshes"):
             import_folder(tmp_path / "absent", "mine", WIDEST)
 
+    def test_a_name_that_is_too_long_is_no_folder(self) -> None:
+        with pytest.raises(UsageError, match="is no folder with meshes"):
+            import_for(Path("x" * 5000), "panda")
+        assert not options._is_folder("x" * 5000)
+        assert not options._is_folder("")
+
+    def test_one_folder_given_twice_is_refused(self, folder: Path) -> None:
+        with pytest.raises(UsageError, match="one folder is given twice"):
+            options._import([str(folder), f"{folder}/"], "panda")
+
+    def test_names_do_not_hang_on_the_order_of_folders(self, tmp_path: Path) -> None:
+        folders = [str(tmp_path / name / "mugs") for name in ("a", "b")]
+        for name in folders:
+            Path(name).mkdir(parents=True)
+            (Path(name) / "box.obj").write_bytes(BOX)
+        found = options._import(folders, "panda")
+        assert options._import(folders[::-1], "panda") == found
+        assert found[folders[1]][0] == "mugs_"
+
     def test_a_cache_that_cannot_be_written_is_named(
         self, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -236,6 +266,7 @@ class TestSettings:
             ("defaults: {mass: heavy}", "defaults.mass: expected a number, got 'heavy'"),
             ("defaults: {scale: .nan}", "defaults.scale: expected a finite number"),
             ("defaults: {mass: 1, density: 200}", "only one of mass and density"),
+            ("defaults: {skip: true}", "defaults.skip: got True, valid: said of single files"),
             ("[1, 2]", "expected a mapping of keys"),
             ("a: !!python/object/apply:os.getcwd []", "is not valid YAML"),
             ("\x00", "is not valid YAML"),
@@ -248,10 +279,50 @@ class TestSettings:
             imported(folder, objects_yaml=yaml)
         assert "objects.yaml" in str(error.value)
 
+    @pytest.mark.parametrize(
+        "yaml", ["", "defaults:", "defaults:\nobjects:\n", "\ufeffobjects: {}"]
+    )
+    def test_settings_may_be_empty(self, folder: Path, yaml: str) -> None:
+        assert imported(folder, objects_yaml=yaml).usable
+
+    def test_a_file_that_is_named_almost_like_the_settings_is_named(self, folder: Path) -> None:
+        report = imported(folder, objects_yml="defaults: {mass: 0.1}")
+        assert "settings are looked for in objects.yaml" in report.warnings[0]
+
     def test_settings_behind_a_link_are_not_read(self, folder: Path) -> None:
         (folder / "objects.yaml").symlink_to("/etc/hostname")
         with pytest.raises(ConfigError, match=r"objects.yaml: it cannot be read"):
             imported(folder)
+
+
+class TestReading:
+    @pytest.mark.parametrize(
+        ("kind", "change", "reason"),
+        [
+            ("stl", lambda stl: stl[:300], "of 12 faces has 684 bytes, and it has 300"),
+            ("stl", lambda stl: stl + b"more", "684 bytes, and it has 688"),
+            ("stl", lambda stl: b"\x1f\x8b" + stl, "compressed"),
+            ("ply", lambda ply: b"<!DOCTYPE HTML><p>404", "a web page"),
+            ("obj", lambda obj: b"version https://git-lfs.github.com/spec/v1", "git lfs pull"),
+        ],
+    )
+    def test_what_a_file_is_instead_is_said(
+        self, folder: Path, kind: str, change: Any, reason: str
+    ) -> None:
+        box = nasty_meshes.shapes()["box"]
+        (folder / f"bad.{kind}").write_bytes(change(nasty_meshes.encode(kind, *box)))
+        assert reason in reasons(imported(folder))[f"bad.{kind}"]
+
+    @pytest.mark.parametrize("kind", ["obj", "ply"])
+    def test_a_byte_order_mark_is_no_part_of_the_text(self, folder: Path, kind: str) -> None:
+        (folder / "box.obj").unlink()
+        data = nasty_meshes.encode(kind, *nasty_meshes.shapes()["box"])
+        (folder / f"box.{kind}").write_bytes(b"\xef\xbb\xbf" + data)
+        assert imported(folder).usable[0].warnings == ()
+
+    def test_comments_may_follow_in_a_line(self, folder: Path) -> None:
+        report = imported(folder, box_obj=BOX.replace(b"\n", b" # a corner\n"))
+        assert report.usable[0].sides == pytest.approx((0.03, 0.05, 0.07))
 
 
 class TestChild:
@@ -306,6 +377,38 @@ class TestChild:
         with pytest.raises(UsageError, match=r"needs 'x'.*pip install 'grasp-factory\[meshes\]'"):
             imported(folder)
 
+    def test_computing_time_has_a_limit_that_is_a_reason(self, replace_child: Any) -> None:
+        limit = "import resource; resource.setrlimit(resource.RLIMIT_CPU, (1, 9))"
+        replace_child(f"{limit}\nwhile True: pass")
+        with Child() as child, pytest.raises(CrashError, match="too much computing time"):
+            child.convert(self.JOB, [b"x"])
+
+    def test_each_object_has_its_own_computing_time(self) -> None:
+        before = resource.getrlimit(resource.RLIMIT_CPU)
+        try:
+            worker._limit_cpu()
+            used = time.process_time()
+            assert 0 <= resource.getrlimit(resource.RLIMIT_CPU)[0] - used <= 121
+        finally:
+            resource.setrlimit(resource.RLIMIT_CPU, before)
+
+    @pytest.mark.skipif(sys.platform != "linux", reason="a call of Linux")
+    def test_the_child_ends_with_an_importer_that_is_killed(self) -> None:
+        code = (
+            "import subprocess, sys, time; inner = 'from grasp_factory.meshes import worker;'"
+            "'worker._end_with_parent(); print(1, flush=True); import time; time.sleep(60)';"
+            "child = subprocess.Popen([sys.executable, '-c', inner], stdout=subprocess.PIPE);"
+            "child.stdout.readline(); print(child.pid, flush=True); time.sleep(60)"
+        )
+        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as parent:
+            assert parent.stdout
+            child = int(parent.stdout.readline())
+            parent.kill()
+        deadline = time.monotonic() + 10.0
+        while _runs(child) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert not _runs(child)
+
     def test_memory_has_a_limit(self) -> None:
         code = (
             "import resource, sys, io; from grasp_factory.meshes import worker;"
@@ -314,6 +417,13 @@ class TestChild:
         )
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
         assert int(done.stderr) == 6 * 2**30
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 class TestReport:
@@ -345,6 +455,11 @@ class TestReport:
             "Refused:",
             "  two\\nlines\\udcff.obj: it is flat",
         ]
+
+    def test_a_long_name_is_cut_in_the_table(self) -> None:
+        item = dataclasses.replace(self.REPORT.usable[0], object_id="x" * 300)
+        report = dataclasses.replace(self.REPORT, usable=(item,))
+        assert "  " + "x" * 59 + "…  30 x 50 x 70" in report_text(report)
 
     def test_an_empty_report_is_one_line(self) -> None:
         empty = dataclasses.replace(self.REPORT, usable=(), refused=())

@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 
 from grasp_factory.meshes import FolderReport, import_folder
+from grasp_factory.meshes import source as source_module
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.listing import list_files, read_inside
-from grasp_factory.meshes.urdf import mesh_file, parse_urdf
+from grasp_factory.meshes.references import mesh_file
+from grasp_factory.meshes.settings import Settings
+from grasp_factory.meshes.source import load_source
+from grasp_factory.meshes.urdf import parse_urdf
 from grasp_factory.objects.base import Compound, ObjectModel
 from grasp_factory.objects.folder import load_folder
 from grasp_factory.objects.folder_cache import VARIABLE
@@ -197,6 +201,90 @@ class TestRefusals:
         more = f'<link name="b"/><link name="c"/>{joint.format("b", "c")}{joint.format("c", "b")}'
         with pytest.raises(UnusableError, match="in a circle"):
             parse_urdf(urdf(BOX, more=more))
+
+
+def visual(filename: str, more: str = "") -> str:
+    return mesh(filename, more).replace("collision", "visual")
+
+
+class TestVisuals:
+    def test_a_visual_of_another_size_is_done_without(self, folder: Path) -> None:
+        vertices, faces = nasty_meshes.shapes()["box"]
+        (folder / "meshes/mm.obj").write_bytes(nasty_meshes.encode("obj", vertices * 1e3, faces))
+        report = imported(folder, urdf(BOX, visual("meshes/mm.obj")))
+        assert compound(report).visual == ()
+        assert "it is 7e+04 mm long" in report.usable[0].warnings[0]
+        report = imported(folder, urdf(BOX, visual("meshes/mm.obj", ' scale="1e-3 1e-3 1e-3"')))
+        assert len(compound(report).visual) == 1
+        assert report.usable[0].warnings == ()
+
+    def test_a_visual_that_lies_elsewhere_is_done_without(self, folder: Path) -> None:
+        vertices, faces = nasty_meshes.shapes()["box"]
+        (folder / "meshes/off.obj").write_bytes(nasty_meshes.encode("obj", vertices + 0.1, faces))
+        report = imported(folder, urdf(BOX, visual("meshes/off.obj")))
+        assert "mm outside what collides" in report.usable[0].warnings[0]
+
+    def test_the_color_of_the_visual_mesh_goes_first(self, folder: Path) -> None:
+        box = nasty_meshes.shapes()["box"]
+        for name, color in (("red", "1 0 0"), ("blue", "0 0 1")):
+            lines = nasty_meshes.encode("obj", *box).decode().splitlines()
+            text = "\n".join(f"{line} {color}" if line[0] == "v" else line for line in lines)
+            (folder / f"meshes/{name}.obj").write_text(text)
+        report = imported(folder, urdf(mesh("meshes/red.obj"), visual("meshes/blue.obj")))
+        assert model(report).color == (0.0, 0.0, 1.0)
+
+
+class TestMeshesOfUrdfs:
+    @pytest.fixture(autouse=True)
+    def ring(self, folder: Path) -> None:
+        (folder / "meshes/ring.obj").write_bytes(MESH)
+
+    def test_the_meshes_of_a_urdf_that_is_refused_are_named(self, folder: Path) -> None:
+        joint = '<joint name="j" type="revolute"/>'
+        report = imported(folder, urdf(mesh("meshes/ring.obj"), more=joint))
+        reasons = {refusal.file: refusal.reason for refusal in report.refused}
+        assert sorted(reasons) == ["meshes/ring.obj", "thing.urdf"]
+        assert "a part of thing.urdf, which is refused" in reasons["meshes/ring.obj"]
+
+    def test_the_meshes_of_a_urdf_that_is_skipped_are_objects(self, folder: Path) -> None:
+        (folder / "objects.yaml").write_text("objects: {thing.urdf: {skip: true}}")
+        report = imported(folder, urdf(mesh("meshes/ring.obj")))
+        assert [item.file for item in report.usable] == ["meshes/ring.obj"]
+        assert [refusal.file for refusal in report.refused] == ["thing.urdf"]
+
+    def test_meshes_that_a_urdf_does_not_read_are_objects(self, folder: Path) -> None:
+        (folder / "any/meshes").mkdir(parents=True)
+        (folder / "any/meshes/ring.obj").write_bytes(MESH)
+        report = imported(folder, urdf(mesh("package://any/meshes/ring.obj")))
+        assert [item.file for item in report.usable] == ["meshes/ring.obj", "thing.urdf"]
+
+    def test_a_file_is_read_once_however_it_is_called(
+        self, folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        names = [f"{'./' * i}meshes/ring.obj" for i in range(30)]
+        (folder / "thing.urdf").write_bytes(urdf(*map(mesh, names)))
+        source = load_source(folder, "thing.urdf", Settings(), Settings())
+        assert len(source.blobs) == 1
+        assert {shape.blob for shape in source.job.collision} == {0}
+        monkeypatch.setattr(source_module, "MAX_BYTES", len(MESH) - 1)
+        with pytest.raises(UnusableError, match="MiB together"):
+            load_source(folder, "thing.urdf", Settings(), Settings())
+
+    def test_a_urdf_cannot_ask_for_endless_work(self) -> None:
+        link = "".join(mesh(f"{i}.obj") for i in range(65))
+        with pytest.raises(UnusableError, match="it names more than 64 meshes"):
+            parse_urdf(urdf(link))
+        with pytest.raises(UnusableError, match="it has more than 128 collision shapes"):
+            parse_urdf(urdf(mesh("a.obj") * 129))
+
+    def test_more_meshes_than_may_collide_are_refused(self, folder: Path) -> None:
+        report = imported(folder, urdf(mesh("meshes/ring.obj") * 65))
+        assert "it has more than 64 meshes that collide" in report.refused[-1].reason
+
+    @pytest.mark.parametrize("mass", ["0", "-1"])
+    def test_a_mass_of_nothing_is_left_aside_with_a_warning(self, folder: Path, mass: str) -> None:
+        report = imported(folder, urdf(BOX, f'<inertial><mass value="{mass}"/></inertial>'))
+        assert report.usable[-1].warnings == (f"a mass of {mass} kg is left aside",)
 
 
 class TestNothingOutsideIsRead:

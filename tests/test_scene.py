@@ -143,6 +143,6 @@ def test_a_texture_that_is_shown_many_times_is_loaded_once(world):
     loaded = []
     for _ in range(3):
         world.set_look(scene.stage.table, (1.0, 1.0, 1.0), "wood/1")
-        loaded.append(dict(world._textures))
+        loaded.append(dict(world._textures.loaded))
     assert loaded[0] == loaded[1] == loaded[2]
     assert list(loaded[0]) == ["wood/1"]

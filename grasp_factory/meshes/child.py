@@ -19,8 +19,8 @@ from grasp_factory.meshes.job import Converted, Job, decode, encode, message_len
 from grasp_factory.objects.folder_cache import digest
 from grasp_factory.records import from_plain, to_plain
 
-TIME_LIMIT_S = 120.0
-"""For one object; an ordinary one takes seconds."""
+TIME_LIMIT_S = 1200.0
+"""For one object, in case that it sleeps; the child limits its own computing time."""
 MAX_REPLY = 64 * 2**20
 """Bytes; the files of an object have about two million."""
 MAX_THREADS = 4
@@ -115,6 +115,7 @@ def _start() -> subprocess.Popen[bytes]:
     environment: dict[str, Any] = {
         **os.environ,
         "OMP_NUM_THREADS": threads,
+        "OMP_WAIT_POLICY": "passive",  # waiting is no computing time
         "OPENBLAS_NUM_THREADS": "1",
         "PYTHONPATH": os.pathsep.join([here, *filter(None, sys.path)]),
     }
@@ -134,5 +135,7 @@ def _start() -> subprocess.Popen[bytes]:
 
 def _cause(process: subprocess.Popen[bytes]) -> str:
     code = process.wait()
+    if code == -signal.SIGXCPU:
+        return "its conversion took too much computing time: simplify it"
     how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
     return f"its conversion crashed ({how})"

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
-from grasp_factory.geometry import Array, Pose, apply, transform
+from grasp_factory.geometry import Array, Pose, transform
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.hulls import MAX_HULLS, convex_parts, hull_of
-from grasp_factory.meshes.job import Converted, Job, Shape
+from grasp_factory.meshes.job import Converted, Job
 from grasp_factory.meshes.obj_text import collision_text, visual_text
 from grasp_factory.meshes.reading import Surface, read_mesh
-from grasp_factory.meshes.tidy import tidied
-from grasp_factory.meshes.units import check_size, guess_scale, sides
+from grasp_factory.meshes.seen import as_it_collides, visual_of
+from grasp_factory.meshes.shapes import part_of, placed, solid_of, tessellated
+from grasp_factory.meshes.units import check_size, sides
 from grasp_factory.objects.base import PRIMITIVES, Part, Vector3
-from grasp_factory.objects.folder import MAX_PRIMITIVES, MAX_REACH, Geometry, Solid
+from grasp_factory.objects.folder import MAX_PRIMITIVES, MAX_REACH, Geometry
 from grasp_factory.objects.folder_cache import digest
 from grasp_factory.objects.solids import Moments, bounds, moments, polyhedron, principal_axes
 
@@ -34,14 +36,21 @@ def convert(job: Job, blobs: Sequence[bytes]) -> tuple[Converted, dict[str, byte
     """
     if sum(shape.kind in PRIMITIVES for shape in job.collision) > MAX_PRIMITIVES:
         raise UnusableError(f"it has more than {MAX_PRIMITIVES} primitive shapes")
+    if sum(shape.kind not in PRIMITIVES for shape in job.collision) > MAX_HULLS:
+        raise UnusableError(f"it has more than {MAX_HULLS} meshes that collide")
+
+    @cache
+    def read(kind: str, blob: int) -> Surface:
+        return read_mesh(kind, blobs[blob])
+
     warnings: list[str] = []
     solids = [shape for shape in job.collision if shape.kind in PRIMITIVES]
-    parts = [_part(shape) for shape in solids]
+    parts = [part_of(shape) for shape in solids]
     meshes, color = [], None
     for shape in job.collision:
         if shape.kind not in PRIMITIVES:
-            surface = read_mesh(shape.kind, blobs[shape.blob])
-            meshes.append(_placed(surface, shape, job.guess_units, warnings))
+            surface = read(shape.kind, shape.blob)
+            meshes.append(placed(surface, shape, job.guess_units, warnings))
             color = color or surface.color
     lower, upper, measured = _measured(meshes, parts)  # before the decomposition takes its time
     bodies = [_Body.of(mesh, MAX_HULLS // len(meshes), warnings) for mesh in meshes]
@@ -53,7 +62,9 @@ def convert(job: Job, blobs: Sequence[bytes]) -> tuple[Converted, dict[str, byte
     files = {}
     if hulls:
         files["collision"] = collision_text(hulls)
-    seen = _seen(job, blobs, bodies, parts, warnings)
+    seen, own_color = visual_of(job, read, lower, upper, warnings)
+    if seen is None:
+        seen = as_it_collides([body.mesh for body in bodies], parts)
     if seen is not None:
         files["visual"] = visual_text(seen)
     named = {kind: digest(text) for kind, text in files.items()}
@@ -63,7 +74,7 @@ def convert(job: Job, blobs: Sequence[bytes]) -> tuple[Converted, dict[str, byte
         com=_rounded(np.array(pose.position)),
         axes_xyzw=pose.quat_xyzw,
         gyration_squared=squares,
-        solids=tuple(_solid(shape) for shape in solids),
+        solids=tuple(solid_of(shape) for shape in solids),
         hulls=len(hulls),
         **named,
     )
@@ -71,7 +82,7 @@ def convert(job: Job, blobs: Sequence[bytes]) -> tuple[Converted, dict[str, byte
         geometry=geometry,
         volume=float(f"{volume:.{DIGITS}g}"),
         sides=measured,
-        color=color,
+        color=own_color or color,
         warnings=tuple(dict.fromkeys(warnings)),
     )
     return found, {digest(text): text for text in files.values()}
@@ -87,7 +98,7 @@ class _Body:
 
     @classmethod
     def of(cls, mesh: trimesh.Trimesh, room: int, warnings: list[str]) -> _Body:
-        hulls, is_closed = convex_parts(mesh, max(1, room))
+        hulls, is_closed = convex_parts(mesh, max(1, room), warnings)
         if is_closed:
             own = polyhedron(np.asarray(mesh.triangles))
             if _is_physical(own, hull_of(mesh.vertices)):
@@ -105,7 +116,7 @@ def _measured(
     upper = np.max([high for _, high in boxes], axis=0)
     if max(np.abs(lower).max(), np.abs(upper).max()) > MAX_REACH:
         raise UnusableError(f"it lies, or reaches, more than {MAX_REACH:g} m from its origin")
-    corners = [*(mesh.vertices for mesh in meshes), *(_tessellated(p).vertices for p in parts)]
+    corners = [*(mesh.vertices for mesh in meshes), *(tessellated(p).vertices for p in parts)]
     whole = hull_of(np.vstack(corners))
     measured = sides(whole.points[whole.vertices], _normals(whole))
     check_size(measured)
@@ -120,58 +131,6 @@ def _distribution(found: Sequence[Moments]) -> tuple[float, Pose, Vector3]:
     R, (x, y, z) = principal_axes(second)
     squares = _rounded(np.array([y + z, z + x, x + y]))
     return volume, Pose.from_matrix(transform(R, com)), squares
-
-
-def _placed(surface: Surface, shape: Shape, guess: bool, warnings: list[str]) -> trimesh.Trimesh:
-    """Return a file's triangles, tidied, in the object's frame, metres."""
-    vertices, faces = surface.vertices, surface.faces
-    if guess:
-        scale, warning = guess_scale(float(np.ptp(vertices, axis=0).max()))
-        warnings += [warning] if warning else []
-        vertices = vertices * scale
-    vertices = apply(_pose(shape).matrix(), vertices * np.array(shape.size))
-    if np.prod(np.sign(shape.size)) < 0.0:  # a mirror turns faces inwards
-        faces = faces[:, ::-1]
-    if np.ptp(vertices, axis=0).max() > 1e3:
-        raise UnusableError("it is more than 1 km long; give its scale in objects.yaml")
-    mesh, mended = tidied(vertices, faces)
-    warnings += ["it had small holes, which were closed"] if mended else []
-    return mesh
-
-
-def _seen(
-    job: Job,
-    blobs: Sequence[bytes],
-    bodies: Sequence[_Body],
-    parts: Sequence[Part],
-    warnings: list[str],
-) -> trimesh.Trimesh | None:
-    """Return what is seen; None where the primitives that collide are."""
-    try:
-        if job.visual:
-            meshes = [
-                _tessellated(_part(shape))
-                if shape.kind in PRIMITIVES
-                else _placed(read_mesh(shape.kind, blobs[shape.blob]), shape, False, [])
-                for shape in job.visual
-            ]
-            return trimesh.util.concatenate(meshes)
-    except UnusableError as error:
-        warnings.append(f"seen as it collides, for its visual mesh cannot be used: {error}")
-    if not bodies:
-        return None
-    return trimesh.util.concatenate(
-        [_both_sides(body.mesh) for body in bodies] + [_tessellated(part) for part in parts]
-    )
-
-
-def _both_sides(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh that can be seen from inside, too, where it is open."""
-    if mesh.is_watertight:
-        return mesh
-    inside = mesh.copy()
-    inside.invert()
-    return trimesh.util.concatenate([mesh, inside])
 
 
 def _is_physical(own: Moments, whole: ConvexHull) -> bool:
@@ -204,34 +163,6 @@ def _outwards(hull: ConvexHull) -> Array:
 def _normals(hull: ConvexHull) -> Array:
     _, some = np.unique(np.round(hull.equations[:, :3], 3), axis=0, return_index=True)
     return np.asarray(hull.equations[some, :3])
-
-
-def _pose(shape: Shape) -> Pose:
-    return Pose(shape.position, shape.quat_xyzw)
-
-
-def _part(shape: Shape) -> Part:
-    return Part(shape=shape.kind, size=shape.size, pose=_pose(shape))
-
-
-def _solid(shape: Shape) -> Solid:
-    return Solid(
-        shape=shape.kind, size=shape.size, position=shape.position, quat_xyzw=shape.quat_xyzw
-    )
-
-
-def _tessellated(part: Part) -> trimesh.Trimesh:
-    width, _, height = part.size
-    create = trimesh.creation
-    if part.shape == "box":
-        mesh = create.box(part.size)
-    elif part.shape == "sphere":
-        mesh = create.icosphere(3, width / 2.0)
-    elif part.shape == "cylinder":
-        mesh = create.cylinder(width / 2.0, height, sections=32)
-    else:
-        mesh = create.capsule(height - width, width / 2.0, count=[16, 32])
-    return mesh.apply_transform(part.pose.matrix())
 
 
 def _rounded(v: Array) -> Vector3:

@@ -7,16 +7,20 @@ import itertools
 import coacd
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from grasp_factory.geometry import Array
 from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.tidy import closed_bodies
+from grasp_factory.meshes.joining import joined
+from grasp_factory.meshes.tidy import MAX_BODIES, bends, closed_bodies, labels_of, without_dust
 
 MAX_HULLS = 64
 """Of an object: contacts cost time in proportion."""
 MAX_CORNERS = 64
-"""Of a hull, for the same reason."""
+"""Of a hull, for the same reason; twice as many where it would lie too far within."""
+TOO_FAR = (1.8e-3, 0.025)
+"""Metres, or a share of the narrowest side; the hull's growth takes back about half of it."""
 CONVEX = 0.98
 """A solid that fills so much of its hull is its hull."""
 CORNER_TOLERANCE = 2e-4
@@ -24,8 +28,13 @@ CORNER_TOLERANCE = 2e-4
 MIN_SHARE = 1e-6
 """Hulls of less than this share of the whole's hull are splinters."""
 SEED = 1
+THRESHOLD = 0.08
+"""Concavity of a part, of a mesh of two units: the library's 0.05 takes twice the time."""
+COARSE = 0.2
+"""The same for a crumpled mesh, on which that would take minutes."""
+MAX_BENDS = 100.0
+"""More are crumpled: a ball has 13, a bowl 10, a rough scan of one 70, an egg carton 200."""
 COACD = {
-    "threshold": 0.08,  # concavity, of a mesh of two units: the library's 0.05 takes twice the time
     "preprocess_resolution": 20,  # voxels of what is not closed: walls of a tenth of the size
     "resolution": 500,
     # With the library's 150, 20 and 3 a bowl takes a minute, for hulls that are as tight.
@@ -36,26 +45,74 @@ COACD = {
 _DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], np.float64)
 
 
-def convex_parts(mesh: trimesh.Trimesh, room: int) -> tuple[list[ConvexHull], bool]:
+def convex_parts(
+    mesh: trimesh.Trimesh, room: int, warnings: list[str]
+) -> tuple[list[ConvexHull], bool]:
     """Return convex solids that together stand for a mesh, and whether it encloses a volume.
 
     Args:
-        mesh: in metres.
-        room: how many there may be, about: a body has one at least.
+        mesh: in metres; its closed pieces are turned outwards.
+        room: how many there may be.
+        warnings: grows by what does not collide as it looks.
 
     Raises:
-        UnusableError: if the mesh is flat.
+        UnusableError: if the mesh is flat, or falls into too many pieces.
     """
     whole = hull_of(mesh.vertices)
     bodies = closed_bodies(mesh)
-    each = max(1, room // max(1, len(bodies)))
-    points = [part for body in bodies for part in _parts_of_closed(body, each)]
-    hulls = [reduced(p) for p in points or _decomposed(mesh, room)]
-    hulls = [hull for hull in hulls if hull and hull.volume > MIN_SHARE * whole.volume]
-    if not hulls:
+    hulls = [reduced(points) for points in _corners(mesh, bodies, room, warnings)]
+    valid = [hull for hull in hulls if hull and hull.volume > MIN_SHARE * whole.volume]
+    if not valid:
         raise UnusableError("the convex decomposition left nothing of it")
     closed = mesh.is_watertight and mesh.is_winding_consistent
-    return hulls, closed and 0.0 < mesh.volume <= 1.001 * whole.volume
+    return valid, closed and MIN_SHARE < mesh.volume / whole.volume <= 1.001
+
+
+def _corners(
+    mesh: trimesh.Trimesh, bodies: list[trimesh.Trimesh], room: int, warnings: list[str]
+) -> list[Array]:
+    """Return the corners of up to ``room`` convex parts."""
+    hulls = [_hull_volume(body) for body in bodies]
+    if 0 < len(bodies) <= room and all(hulls):
+        found = _of_bodies(bodies, hulls, room, warnings)
+    else:
+        large = without_dust(mesh)
+        labels = labels_of(large)
+        if int(labels.max()) >= MAX_BODIES:
+            warnings.append("it falls into many pieces, and collides as convex hulls of these")
+            return _of_pieces(large, labels, room)
+        found = _decomposed(large, room, warnings)
+    return joined(found, room) if len(found) > room else found
+
+
+def _of_bodies(
+    bodies: list[trimesh.Trimesh], hulls: list[float], room: int, warnings: list[str]
+) -> list[Array]:
+    """Return the corners of the convex parts of closed bodies, whose hulls have some volume."""
+    hollow = [body.volume < CONVEX * hull for body, hull in zip(bodies, hulls, strict=True)]
+    each = (room - hollow.count(False)) // max(1, hollow.count(True))
+    found: list[Array] = []
+    for body, is_hollow in zip(bodies, hollow, strict=True):
+        found += _decomposed(body, each, warnings) if is_hollow else [np.asarray(body.vertices)]
+    return found
+
+
+def _hull_volume(body: trimesh.Trimesh) -> float:
+    try:
+        return float(hull_of(body.vertices).volume)
+    except UnusableError:
+        return 0.0
+
+
+def _of_pieces(mesh: trimesh.Trimesh, labels: NDArray[np.int64], room: int) -> list[Array]:
+    """Return the corners of pieces, put together until none is flat."""
+    order = np.argsort(labels, kind="stable")
+    starts = np.flatnonzero(np.diff(labels[order])) + 1
+    pieces = [mesh.triangles[faces].reshape(-1, 3) for faces in np.split(order, starts)]
+    found = joined(pieces, room)
+    while len(found) > 1 and any(reduced(points) is None for points in found):
+        found = joined(found, len(found) // 2)
+    return found
 
 
 def hull_of(points: Array) -> ConvexHull:
@@ -74,37 +131,44 @@ def reduced(points: Array) -> ConvexHull | None:
     """Return a hull of up to ``MAX_CORNERS`` of the points (n, 3); None if they are flat.
 
     Starting from the outermost points it takes the one that lies farthest outside, as long as
-    that is more than ``CORNER_TOLERANCE``. The result has the volume of the whole.
+    that is more than ``CORNER_TOLERANCE``. The result has the volume of the whole, unless it
+    would have to reach farther beyond that than it lies within: a long rod would get longer.
     """
     try:
         whole = ConvexHull(points)
         points = points[whole.vertices]
+        too_far = max(TOO_FAR[0], TOO_FAR[1] * float(np.ptp(points, axis=0).min()))
         chosen = list(dict.fromkeys(np.argmax(points @ _DIRECTIONS.T, axis=0).tolist()))
         while True:
             hull = ConvexHull(points[chosen])
             outside = (points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
             outside[chosen] = 0.0
             farthest = int(np.argmax(outside))
-            if outside[farthest] < CORNER_TOLERANCE or len(chosen) == MAX_CORNERS:
+            room = MAX_CORNERS * (2 if outside[farthest] > too_far else 1)
+            if outside[farthest] < CORNER_TOLERANCE or len(chosen) >= room:
                 center = points[chosen].mean(axis=0)
-                factor = (whole.volume / hull.volume) ** (1.0 / 3.0)
+                reach = float(np.linalg.norm(points - center, axis=1).max())
+                most = 1.0 + max(0.0, float(outside[farthest])) / reach
+                factor = min(most, (whole.volume / hull.volume) ** (1.0 / 3.0))
                 return ConvexHull((points[chosen] - center) * factor + center)
             chosen.append(farthest)
     except (QhullError, ValueError):
         return None
 
 
-def _parts_of_closed(body: trimesh.Trimesh, room: int) -> list[Array]:
-    """Return the corners of the convex parts of one closed body."""
-    if body.volume >= CONVEX * hull_of(body.vertices).volume:
-        return [np.asarray(body.vertices)]
-    return _decomposed(body, room)
-
-
-def _decomposed(mesh: trimesh.Trimesh, room: int) -> list[Array]:
+def _decomposed(mesh: trimesh.Trimesh, room: int, warnings: list[str]) -> list[Array]:
+    if room == 1:
+        return [np.asarray(mesh.vertices)]
     center, size = mesh.bounds.mean(axis=0), float(mesh.extents.max())
     points = (mesh.vertices - center) / size
+    crumpled = bends(mesh) > MAX_BENDS
+    if crumpled:
+        warnings.append("it is crumpled, and collides more coarsely than it looks")
     found = coacd.run_coacd(
-        coacd.Mesh(points, mesh.faces), max_convex_hull=room, seed=SEED, **COACD
+        coacd.Mesh(points, mesh.faces),
+        threshold=COARSE if crumpled else THRESHOLD,
+        max_convex_hull=room,
+        seed=SEED,
+        **COACD,
     )
     return [corners * size + center for corners, _ in found]

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from grasp_factory.errors import ConfigError, UsageError
+from grasp_factory.errors import ConfigError, UsageError, shown
 from grasp_factory.meshes.base import FolderReport, ImportedObject, Refusal, UnusableError
 from grasp_factory.meshes.child import Child, CrashError
 from grasp_factory.meshes.job import Converted
-from grasp_factory.meshes.listing import SETTINGS_FILE, keys, list_files, read_inside
+from grasp_factory.meshes.listing import SETTINGS_FILE, keys, list_files, read_inside, suffix
 from grasp_factory.meshes.physical import finished
 from grasp_factory.meshes.report import printable
-from grasp_factory.meshes.settings import FolderSettings, parse_settings
+from grasp_factory.meshes.settings import FolderSettings, Settings, parse_settings
 from grasp_factory.meshes.source import Source, load_source, referenced
 from grasp_factory.meshes.units import check_grip, grip_warnings
 from grasp_factory.objects.folder import FolderObject, Manifest, load_folder
@@ -48,42 +49,91 @@ def import_folder(
         UsageError: if the folder or the cache cannot be used, or the libraries are missing.
         ConfigError: if the folder's ``objects.yaml`` is not valid.
     """
-    if not path.is_dir():
-        raise UsageError(f"{path} is no folder with meshes")
-    root, where = path.resolve(), cache_dir()
+    if not os.path.isdir(path):
+        raise UsageError(f"{shown(str(path))} is no folder with meshes")
+    root, where = Path(os.path.realpath(path)), cache_dir()
     listing = list_files(root)
     refused = list(listing.refused)
     settings = _settings(root, [*listing.files, *(refusal.file for refusal in refused)])
-    parts = referenced(root, listing.files)
-    files = keys([file for file in listing.files if file not in parts])
-    objects: dict[str, FolderObject] = {}
-    notes: dict[str, tuple[str, Converted, tuple[str, ...]]] = {}
     with Child() as child:
-        for done, (file, key) in enumerate(files.items()):
+        run = _Run(root, where, settings, widest, child)
+        # First the URDFs: of which meshes they make use is known only once they can be used.
+        for done, file in enumerate(sorted(listing.files, key=_is_mesh)):
             if progress:
-                progress(done, len(files), file)
-            own = settings.of(file)
-            try:
-                if own.skip:
-                    raise UnusableError(f"{SETTINGS_FILE} says to skip it")
-                source = load_source(root, file, own, settings.defaults)
-                found = _converted(source, child, where)
-                check_grip(found.sides, widest)
-                objects[key], warnings = finished(source, found, own, settings.defaults)
-            except UnusableError as error:
-                refused.append(Refusal(file=file, reason=printable(str(error))))
-            else:
-                notes[key] = file, found, (*warnings, *grip_warnings(found.sides, widest))
+                progress(done, len(listing.files), file)
+            run.add(file)
     if progress:
-        progress(len(files), len(files), "")
+        progress(len(listing.files), len(listing.files), "")
+    names = keys([file for file in listing.files if file not in run.parts])
+    results = {key: (file, run.used[file]) for file, key in names.items() if file in run.used}
+    objects = {key: result.item for key, (_, result) in results.items()}
     sha256 = _kept(Manifest(objects=objects), where) if objects else ""
     return FolderReport(
         name=name,
         sha256=sha256,
-        usable=_usable(name, sha256, notes) if objects else (),
-        refused=tuple(sorted(refused, key=lambda refusal: refusal.file)),
-        warnings=_doubles(objects),
+        usable=_usable(name, sha256, results) if objects else (),
+        refused=tuple(sorted([*refused, *run.refused], key=lambda refusal: refusal.file)),
+        warnings=(*listing.warnings, *_doubles(objects)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Result:
+    """An object that can be used."""
+
+    item: FolderObject
+    found: Converted
+    warnings: tuple[str, ...]
+
+
+class _Run:
+    """What became of the files of a folder so far."""
+
+    def __init__(
+        self, root: Path, where: Path, settings: FolderSettings, widest: float, child: Child
+    ) -> None:
+        self._root = root
+        self._where = where
+        self._settings = settings
+        self._widest = widest
+        self._child = child
+        self._claimed: dict[str, str] = {}
+        self.used: dict[str, _Result] = {}
+        self.refused: list[Refusal] = []
+        self.parts: set[str] = set()
+        """Files that are parts of URDFs which are used, and no objects of their own."""
+
+    def add(self, file: str) -> None:
+        """Import a file; a mesh after the URDFs."""
+        if file in self.parts:
+            return
+        own = self._settings.of(file)
+        try:
+            if own.skip:
+                raise UnusableError(f"{SETTINGS_FILE} says to skip it")
+            if file in self._claimed:
+                urdf = self._claimed[file]
+                raise UnusableError(
+                    f"it is a part of {urdf}, which is refused; skip that to use it"
+                )
+            self.used[file] = self._result(file, own)
+        except UnusableError as error:
+            self.refused.append(Refusal(file=file, reason=printable(str(error))))
+            if suffix(file) == "urdf" and not own.skip:
+                self._claimed |= dict.fromkeys(referenced(self._root, file), file)
+
+    def _result(self, file: str, own: Settings) -> _Result:
+        defaults = self._settings.defaults
+        source = load_source(self._root, file, own, defaults)
+        found = _converted(source, self._child, self._where)
+        check_grip(found.sides, self._widest)
+        item, warnings = finished(source, found, own, defaults)
+        self.parts.update(source.files)
+        return _Result(item, found, (*warnings, *grip_warnings(found.sides, self._widest)))
+
+
+def _is_mesh(file: str) -> bool:
+    return suffix(file) != "urdf"
 
 
 def _settings(root: Path, files: Sequence[str]) -> FolderSettings:
@@ -152,7 +202,7 @@ def _doubles(objects: Mapping[str, FolderObject]) -> tuple[str, ...]:
     """Return a warning for each content that is there under several names."""
     names: dict[str, list[str]] = {}
     for key, item in objects.items():
-        names.setdefault(item.source_sha256, []).append(key)
+        names.setdefault(item.shape_sha256, []).append(key)
     return tuple(
         f"the same mesh, which is drawn the more often: {', '.join(same)}"
         for same in names.values()
@@ -161,18 +211,18 @@ def _doubles(objects: Mapping[str, FolderObject]) -> tuple[str, ...]:
 
 
 def _usable(
-    name: str, sha256: str, notes: dict[str, tuple[str, Converted, tuple[str, ...]]]
+    name: str, sha256: str, results: Mapping[str, tuple[str, _Result]]
 ) -> tuple[ImportedObject, ...]:
     models = load_folder(name, sha256).models
     return tuple(
         ImportedObject(
             object_id=f"{name}/{key}",
             file=file,
-            sides=found.sides,
+            sides=result.found.sides,
             mass=models[f"{name}/{key}"].mass,
-            parts=found.geometry.hulls + len(found.geometry.solids),
+            parts=result.found.geometry.hulls + len(result.found.geometry.solids),
             split=models[f"{name}/{key}"].split,
-            warnings=warnings,
+            warnings=result.warnings,
         )
-        for key, (file, found, warnings) in notes.items()
+        for key, (file, result) in results.items()
     )

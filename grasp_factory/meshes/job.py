@@ -16,7 +16,7 @@ from grasp_factory.objects.folder import Geometry, Quaternion
 from grasp_factory.objects.folder_cache import digest
 from grasp_factory.records import to_plain
 
-IMPORTER = 1
+IMPORTER = 2
 """Version of the conversion; with another one, whatever is in the cache is made again."""
 _LENGTH = struct.Struct("<Q")
 

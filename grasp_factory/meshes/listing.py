@@ -14,6 +14,7 @@ from grasp_factory.errors import UsageError
 from grasp_factory.meshes.base import SUFFIXES, Refusal, UnusableError
 
 SETTINGS_FILE = "objects.yaml"
+NOT_SETTINGS = f"objects.yml is not read: settings are looked for in {SETTINGS_FILE}"
 MAX_BYTES = 200 * 2**20
 """Of a file."""
 MAX_DEPTH = 16
@@ -28,6 +29,7 @@ class Listing:
 
     files: tuple[str, ...]
     refused: tuple[Refusal, ...]
+    warnings: tuple[str, ...] = ()
 
 
 def list_files(root: Path) -> Listing:
@@ -50,7 +52,8 @@ def list_files(root: Path) -> Listing:
                     files.append(path)
     except OSError as error:
         raise UsageError(f"the folder {root} cannot be read: {error.strerror}") from None
-    return Listing(tuple(sorted(files)), tuple(refused))
+    warnings = (NOT_SETTINGS,) if os.path.lexists(root / "objects.yml") else ()
+    return Listing(tuple(sorted(files)), tuple(refused), warnings)
 
 
 def suffix(path: str) -> str:

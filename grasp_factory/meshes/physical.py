@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 
@@ -13,11 +14,14 @@ from grasp_factory.meshes.settings import DENSITY, FRICTION, MASS_RANGE, Setting
 from grasp_factory.meshes.source import Source
 from grasp_factory.objects.base import Vector3
 from grasp_factory.objects.folder import FolderObject, Geometry
+from grasp_factory.objects.folder_cache import digest
 from grasp_factory.objects.solids import principal_axes
 
 MASSES = (0.001, 5.0)
 """kg; what an arm of this size lifts at all."""
 FRICTIONS = (0.01, 3.0)
+SHAPE_STEP = 0.00503
+"""Half a per cent, and no divisor of round numbers, which would lie on its borders."""
 
 
 def finished(
@@ -35,7 +39,7 @@ def finished(
     mass = round(_mass(source, found.volume, own, defaults, warnings), 6)
     item = FolderObject(
         family=source.family,
-        source_sha256=source.sha256,
+        shape_sha256=_shape_of(found),
         mass=mass,
         lateral_friction=_friction(source, own, defaults, warnings),
         color=found.color or (source.urdf and source.urdf.color) or _color_of(source.sha256),
@@ -98,6 +102,17 @@ def _geometry(source: Source, geometry: Geometry, warnings: list[str]) -> Geomet
     return dataclasses.replace(
         geometry, com=pose.position, axes_xyzw=pose.quat_xyzw, gyration_squared=(x, y, z)
     )
+
+
+def _shape_of(found: Converted) -> str:
+    """Return a digest of an object's shape, the same in any format, unit and orientation.
+
+    It is that of its moments and volume, without their size. They are rounded: a file's own
+    rounding must not count. Shapes that they cannot tell apart share a split, which does no harm.
+    """
+    small, middle, large = sorted(found.geometry.gyration_squared)
+    figures = (small / large, middle / large, found.volume / large**1.5)
+    return digest(json.dumps([round(figure / SHAPE_STEP) for figure in figures]).encode())
 
 
 def _color_of(sha256: str) -> Vector3:

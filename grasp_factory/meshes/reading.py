@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from codecs import BOM_UTF8
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,6 +20,16 @@ from grasp_factory.objects.base import Vector3
 MAX_FACES = 2_000_000
 MIN_FACES = 4
 """A tetrahedron's."""
+STL_HEAD, STL_FACE = 84, 50
+"""Bytes."""
+NO_MESH = {
+    b"\x1f\x8b": "compressed (gzip): unpack it",
+    b"pk\x03\x04": "a zip file: unpack it",
+    b"<!doctype html": "a web page",
+    b"<html": "a web page",
+    b"version https://git-lfs": "a pointer of Git LFS: run `git lfs pull`",
+}
+"""By how they begin, in lower case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +50,10 @@ def read_mesh(kind: str, data: bytes) -> Surface:
     Raises:
         UnusableError: if there are none, or not all of them make sense.
     """
+    data = _without_mark(kind, data)
     if not data.strip(b"\0 \t\r\n"):
         raise UnusableError("the file is empty")
+    _check_kind(kind, data)
     vertices, faces, color = _read_obj(data) if kind == "obj" else _read_other(kind, data)
     if not len(vertices) or not len(faces):
         raise UnusableError("it has no faces")
@@ -55,6 +68,28 @@ def read_mesh(kind: str, data: bytes) -> Surface:
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > 1e12:
         raise UnusableError("it has a vertex that is not a number, or infinite")
     return Surface(vertices, faces.reshape(-1, 3), color)
+
+
+def _check_kind(kind: str, data: bytes) -> None:
+    """Refuse what is known to be something else, before a reader stumbles on it."""
+    for start, what in NO_MESH.items():
+        if data[:64].lstrip().lower().startswith(start):
+            raise UnusableError(f"it is no {kind.upper()} file, but {what}")
+    if kind == "stl" and len(data) >= STL_HEAD and b"facet" not in data[: 2**16].lower():
+        count = int.from_bytes(data[STL_HEAD - 4 : STL_HEAD], "little")
+        expected = STL_HEAD + STL_FACE * count
+        if len(data) != expected:
+            raise UnusableError(
+                f"it is cut off or damaged: a binary STL file of {count} faces has {expected}"
+                f" bytes, and it has {len(data)}"
+            )
+
+
+def _without_mark(kind: str, data: bytes) -> bytes:
+    """Return a text without the mark that some editors begin it with; binary files as they are."""
+    marked = data.startswith(BOM_UTF8)
+    is_text = kind != "stl" or b"facet" in data[: 2**16].lower()
+    return data[len(BOM_UTF8) :] if marked and is_text else data
 
 
 def _read_other(kind: str, data: bytes) -> tuple[Array, NDArray[np.int64], Vector3 | None]:
@@ -85,7 +120,7 @@ def _read_obj(data: bytes) -> tuple[Array, NDArray[np.int64], Vector3 | None]:
     faces: list[tuple[int, int, int]] = []
     text = data.decode("utf-8", "replace").replace("\\\r\n", " ").replace("\\\n", " ")
     for number, line in enumerate(io.StringIO(text, newline=None), 1):
-        words = line.split()
+        words = line.partition("#")[0].split()
         try:
             if words[:1] == ["v"]:
                 values = [float(word) for word in words[1:]]

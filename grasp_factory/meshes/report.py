@@ -8,6 +8,9 @@ from grasp_factory.meshes.base import FolderReport, ImportedObject
 
 HEADER = ("object", "size, mm", "mass, g", "parts", "split")
 
+MAX_NAME = 60
+"""Characters of an id in the table."""
+
 
 def report_text(report: FolderReport) -> str:
     """Return a table of what can be used, with warnings, and a list of what cannot."""
@@ -34,7 +37,10 @@ def printable(text: str) -> str:
 
 def _row(item: ImportedObject) -> tuple[str, ...]:
     size = " x ".join(f"{side * 1e3:.0f}" for side in item.sides)
-    return printable(item.object_id), size, f"{item.mass * 1e3:.0f}", str(item.parts), item.split
+    name = printable(item.object_id)
+    if len(name) > MAX_NAME:
+        name = f"{name[: MAX_NAME - 1]}…"
+    return name, size, f"{item.mass * 1e3:.0f}", str(item.parts), item.split
 
 
 def _table(rows: Sequence[tuple[str, ...]], items: Sequence[ImportedObject]) -> list[str]:

@@ -57,6 +57,9 @@ class FolderSettings:
     objects: Mapping[str, Settings] = field(default_factory=dict)
     """By path in the folder."""
 
+    def __post_init__(self) -> None:
+        check(not self.defaults.skip, "defaults.skip", True, "said of single files only")
+
     def of(self, file: str) -> Settings:
         """Return what is said of one file alone."""
         return self.objects.get(file, Settings())
@@ -88,6 +91,15 @@ def parse_settings(data: bytes, where: str) -> FolderSettings:
     except UnicodeDecodeError:
         raise ConfigError(f"{where} is not UTF-8 text") from None
     try:
-        return from_plain(FolderSettings, {} if plain is None else plain)
+        return from_plain(FolderSettings, _without_blanks(plain))
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
+
+
+def _without_blanks(plain: Any) -> Any:
+    """Return a file's data without the keys after which nothing stands."""
+    if plain is None:
+        return {}
+    if not isinstance(plain, dict):
+        return plain
+    return {key: value for key, value in plain.items() if value is not None}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 from collections.abc import Iterable, Sequence
@@ -11,9 +12,10 @@ from pathlib import Path, PurePosixPath
 from grasp_factory.errors import shown
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.job import Job, Shape
-from grasp_factory.meshes.listing import read_inside, suffix
+from grasp_factory.meshes.listing import MAX_BYTES, read_inside, suffix
+from grasp_factory.meshes.references import mesh_file, named_meshes
 from grasp_factory.meshes.settings import Settings
-from grasp_factory.meshes.urdf import Urdf, mesh_file, parse_urdf
+from grasp_factory.meshes.urdf import Urdf, parse_urdf
 from grasp_factory.objects.folder_cache import digest
 
 
@@ -25,11 +27,13 @@ class Source:
     blobs: tuple[bytes, ...]
     """The meshes' content."""
     sha256: str
-    """Of the meshes' content, so that a mesh and the URDF around it are one object in splits."""
+    """Of the meshes' content, from which a colour is made where nothing else gives one."""
     family: str
     urdf: Urdf | None = None
     scale: float = 1.0
     """Of the URDF."""
+    files: tuple[str, ...] = ()
+    """The meshes of a URDF that were read, as paths in the folder."""
     warnings: tuple[str, ...] = ()
 
 
@@ -50,69 +54,93 @@ def load_source(root: Path, file: str, own: Settings, defaults: Settings) -> Sou
     return Source(job=job, blobs=(data,), sha256=digest(data), family=family)
 
 
-def referenced(root: Path, files: Sequence[str]) -> set[str]:
-    """Return the files that are parts of URDFs, and no objects of their own."""
-    found = set[str]()
-    for file in files:
-        if suffix(file) == "urdf":
-            try:
-                names = parse_urdf(read_inside(root, file)).files
-            except UnusableError:
-                continue
-            for name in names:
-                found.update(_options(name, file))
-    return found & set(files)
-
-
-def _options(name: str, file: str) -> tuple[str, ...]:
+def referenced(root: Path, file: str) -> set[str]:
+    """Return the files of the folder that a URDF names as its meshes, even one that is refused."""
     try:
-        return mesh_file(name, file)
+        names = named_meshes(read_inside(root, file))
     except UnusableError:
-        return ()
+        return set()
+    found = set[str]()
+    for name in names:
+        with contextlib.suppress(UnusableError):
+            found.add(_mesh_path(root, name, file))
+    return found
 
 
 def _of_urdf(root: Path, file: str, data: bytes, scale: float, family: str) -> Source:
     urdf = parse_urdf(data)
-    needed, visual = _used(urdf.collision), urdf.visual
-    notes: tuple[str, ...] = ()
-    blobs = {i: _read_mesh(root, urdf.files[i], file) for i in needed}
+    meshes = _Meshes(root, file, urdf.files)
+    warnings = urdf.warnings
+    collision = meshes.read(urdf.collision)
+    visual: tuple[Shape, ...] = ()
+    needed = list(meshes.blobs.values())
     try:
-        blobs |= {i: _read_mesh(root, urdf.files[i], file) for i in _used(visual) - needed}
+        visual = meshes.read(urdf.visual)
     except UnusableError as error:
-        visual, notes = (), (f"seen as it collides, for {error}",)
+        warnings += (f"seen as it collides, for {error}",)
     job = Job(
-        collision=tuple(_scaled(shape, scale) for shape in urdf.collision),
+        collision=tuple(_scaled(shape, scale) for shape in collision),
         visual=tuple(_scaled(shape, scale) for shape in visual),
     )
-    hashes = sorted({digest(blobs[i]) for i in needed})
-    if len(hashes) == 1:
-        sha256 = hashes[0]
-    else:
-        sha256 = digest("".join(hashes).encode() or data)
+    hashes = sorted({digest(blob) for blob in needed})
+    sha256 = hashes[0] if len(hashes) == 1 else digest("".join(hashes).encode() or data)
     return Source(
         job=job,
-        blobs=tuple(blobs.get(i, b"") for i in range(len(urdf.files))),
+        blobs=tuple(meshes.blobs.values()),
         sha256=sha256,
         family=family,
         urdf=urdf,
         scale=scale,
-        warnings=notes,
+        files=tuple(meshes.blobs),
+        warnings=warnings,
     )
 
 
-def _read_mesh(root: Path, name: str, urdf: str) -> bytes:
-    options = mesh_file(name, urdf)
-    for option in options:
-        if os.path.lexists(root / option):
+class _Meshes:
+    """The mesh files of a URDF, each read once, however it is called."""
+
+    def __init__(self, root: Path, urdf: str, names: Sequence[str]) -> None:
+        self._root = root
+        self._urdf = urdf
+        self._names = names
+        self.blobs: dict[str, bytes] = {}
+
+    def read(self, shapes: Sequence[Shape]) -> tuple[Shape, ...]:
+        """Read the meshes of shapes, all or none, and return the shapes with their places."""
+        before = dict(self.blobs)
+        try:
+            paths = {i: self._path(self._names[i]) for i in _used(shapes)}
+        except UnusableError:
+            self.blobs = before
+            raise
+        places = {path: place for place, path in enumerate(self.blobs)}
+        return tuple(
+            dataclasses.replace(shape, blob=places[paths[shape.blob]]) if shape.blob >= 0 else shape
+            for shape in shapes
+        )
+
+    def _path(self, name: str) -> str:
+        """Return where a mesh lies, and read it if that is not done yet."""
+        path = _mesh_path(self._root, name, self._urdf)
+        if path not in self.blobs:
             try:
-                return read_inside(root, option)
+                self.blobs[path] = read_inside(self._root, path)
             except UnusableError as error:
                 raise UnusableError(f"its mesh {shown(name)}: {error}") from None
+            if sum(map(len, self.blobs.values())) > MAX_BYTES:
+                raise UnusableError(f"its meshes have more than {MAX_BYTES // 2**20} MiB together")
+        return path
+
+
+def _mesh_path(root: Path, name: str, urdf: str) -> str:
+    for option in mesh_file(name, urdf):
+        if os.path.lexists(root / option):
+            return option
     raise UnusableError(f"its mesh {shown(name)} is not in the folder")
 
 
-def _used(shapes: Iterable[Shape]) -> set[int]:
-    return {shape.blob for shape in shapes if shape.blob >= 0}
+def _used(shapes: Iterable[Shape]) -> list[int]:
+    return sorted({shape.blob for shape in shapes if shape.blob >= 0})
 
 
 def _scaled(shape: Shape, scale: float) -> Shape:

@@ -12,8 +12,13 @@ from grasp_factory.meshes.base import UnusableError
 
 MAX_FACES = 8_000
 """Of what is seen and decomposed: on an object of 100 mm the edges have about 2 mm."""
-MAX_BODIES = 24
+MAX_BODIES = 64
 """Separate closed surfaces that are looked at one by one."""
+DUST = 0.02
+"""Of the largest side: smaller pieces beside larger ones are what a scanner left in the air."""
+BENDS_FACES = 2_000
+PROBES = 32
+"""Corners of a surface that are looked for in another."""
 
 
 def tidied(vertices: Array, faces: NDArray[np.int64]) -> tuple[trimesh.Trimesh, bool]:
@@ -36,12 +41,7 @@ def tidied(vertices: Array, faces: NDArray[np.int64]) -> tuple[trimesh.Trimesh, 
     mesh = trimesh.Trimesh((vertices - low) / size, faces, process=False)
     _merge(mesh)
     if len(mesh.faces) > MAX_FACES:
-        points, triangles = fast_simplification.simplify(
-            np.asarray(mesh.vertices, np.float64),
-            np.asarray(mesh.faces, np.int32),
-            target_count=MAX_FACES,
-        )
-        mesh = trimesh.Trimesh(points, triangles, process=False)
+        mesh = _simplified(mesh, MAX_FACES)
         _merge(mesh)
     if len(mesh.faces) < 4:
         raise UnusableError("its faces have no area")
@@ -61,9 +61,7 @@ def closed_bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     """
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         return []
-    labels = trimesh.graph.connected_component_labels(
-        mesh.face_adjacency, node_count=len(mesh.faces)
-    )
+    labels = labels_of(mesh)
     count = int(labels.max()) + 1
     if count > MAX_BODIES:
         return []
@@ -82,9 +80,68 @@ def closed_bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     return solids
 
 
+def labels_of(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
+    """Return for each face which of the mesh's separate pieces it belongs to."""
+    labels = trimesh.graph.connected_component_labels(
+        mesh.face_adjacency, node_count=len(mesh.faces)
+    )
+    return np.asarray(labels, np.int64)
+
+
+def bends(mesh: trimesh.Trimesh) -> float:
+    """Return how much a mesh bends: angle times length of its edges, by its largest side.
+
+    Twice the integral of the mean curvature; 13 for a ball of any size. It is that of at most
+    ``BENDS_FACES`` faces, so that the noise of a scanner counts little.
+    """
+    coarse = trimesh.Trimesh(mesh.vertices / mesh.extents.max(), mesh.faces, process=False)
+    if len(mesh.faces) > BENDS_FACES:
+        coarse = _simplified(coarse, BENDS_FACES)
+    ends = coarse.vertices[coarse.face_adjacency_edges]
+    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    return float((coarse.face_adjacency_angles * lengths).sum())
+
+
+def without_dust(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return a mesh without the pieces that are tiny beside the whole."""
+    labels = labels_of(mesh)
+    low = np.full((int(labels.max()) + 1, 3), np.inf)
+    high = -low
+    np.minimum.at(low, labels, mesh.triangles.min(axis=1))
+    np.maximum.at(high, labels, mesh.triangles.max(axis=1))
+    large = (high - low).max(axis=1) >= DUST * float(mesh.extents.max())
+    if large.all() or not large.any():
+        return mesh
+    return mesh.submesh([np.flatnonzero(large[labels])], append=True)
+
+
 def _contains(outer: trimesh.Trimesh, inner: trimesh.Trimesh) -> bool:
     low, high = outer.bounds
-    return bool((low < inner.bounds[0]).all() and (inner.bounds[1] < high).all())
+    if not ((low < inner.bounds[0]).all() and (inner.bounds[1] < high).all()):
+        return False
+    points = inner.vertices[:: max(1, len(inner.vertices) // PROBES)]
+    return all(abs(_turns(outer.triangles, point)) > 0.5 for point in points)
+
+
+def _turns(triangles: Array, point: Array) -> float:
+    """Return how often a closed surface (n, 3, 3) goes round a point: 0 outside, 1 or -1 inside.
+
+    The solid angles are those of A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30
+    (1983) 125-126.
+    """
+    a, b, c = np.moveaxis(triangles - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    ab, bc, ca = (np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a)))
+    angles = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+    return float(angles.sum()) / (2.0 * np.pi)
+
+
+def _simplified(mesh: trimesh.Trimesh, faces: int) -> trimesh.Trimesh:
+    points, triangles = fast_simplification.simplify(
+        np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32), target_count=faces
+    )
+    return trimesh.Trimesh(points, triangles, process=False)
 
 
 def _merge(mesh: trimesh.Trimesh) -> None:

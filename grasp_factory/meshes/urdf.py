@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import math
-import posixpath
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from grasp_factory.errors import shown
 from grasp_factory.geometry import Array, Pose, apply, rotation_about, transform
-from grasp_factory.meshes.base import MESH_SUFFIXES, UnusableError
+from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.job import Shape
 from grasp_factory.meshes.listing import suffix
+from grasp_factory.meshes.references import parse_xml
 from grasp_factory.objects.base import Vector3
 
-MAX_TEXT = 4 * 2**20
-"""Bytes."""
 MAX_ELEMENTS = 256
-"""Links, joints and shapes, each."""
+"""Links, joints, and shapes of a link, each."""
+MAX_SHAPES = 128
+"""That collide, and that are seen."""
+MAX_MESHES = 64
+"""Names of files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +49,7 @@ class Urdf:
     """None unless exactly one link has one."""
     friction: float | None
     color: Vector3 | None
+    warnings: tuple[str, ...] = ()
 
 
 def parse_urdf(data: bytes) -> Urdf:
@@ -56,23 +58,25 @@ def parse_urdf(data: bytes) -> Urdf:
     Raises:
         UnusableError: if it is no URDF, or that of no single rigid body.
     """
-    root = _parse_xml(data)
+    root = parse_xml(data)
     if root.tag != "robot":
         raise UnusableError(f"it is no URDF: its outermost element is {shown(root.tag)}")
     links = _named(root, "link")
     poses = _poses(links, _elements(root, "joint"))
-    files: list[str] = []
+    files: dict[str, int] = {}
     shapes: dict[str, list[Shape]] = {"collision": [], "visual": []}
     for name, link in links.items():
         for kind, found in shapes.items():
             for element in _elements(link, kind):
                 T = poses[name] @ _origin(element)
                 found.append(_shape(element, T, files))
+                if len(found) > MAX_SHAPES:
+                    raise UnusableError(f"it has more than {MAX_SHAPES} {kind} shapes")
     collision = tuple(shapes["collision"] or shapes["visual"])
     if not collision:
         raise UnusableError("it has no shapes")
-    masses = [_mass(link) for link in links.values()]
-    known = [mass for mass in masses if mass is not None]
+    masses = [mass for link in links.values() if (mass := _mass(link)) is not None]
+    known = [mass for mass in masses if mass > 0.0]
     inertials = [_inertial(link, poses[name]) for name, link in links.items()]
     valid = [one for one in inertials if one is not None]
     return Urdf(
@@ -83,53 +87,10 @@ def parse_urdf(data: bytes) -> Urdf:
         inertial=valid[0] if len(valid) == len(known) == 1 else None,
         friction=_friction(links),
         color=_color(root, links),
+        warnings=tuple(
+            dict.fromkeys(f"a mass of {mass:g} kg is left aside" for mass in masses if mass <= 0.0)
+        ),
     )
-
-
-def mesh_file(reference: str, urdf: str) -> tuple[str, ...]:
-    """Return where in the folder a mesh may lie, relative paths, the likeliest first.
-
-    Args:
-        reference: what the URDF calls it; a package is a folder of that name, or the root.
-        urdf: the URDF's own path in the folder.
-
-    Raises:
-        UnusableError: if it can lie outside only, or its format is another.
-    """
-    kind = suffix(reference)
-    if kind not in MESH_SUFFIXES:
-        raise UnusableError(f"its mesh {shown(reference)} is no {', '.join(MESH_SUFFIXES)} file")
-    path = reference.replace("\\", "/")
-    here = posixpath.dirname(urdf)
-    if path.startswith("package://"):
-        path = path.removeprefix("package://")
-        rest = path.partition("/")[2]
-        options = [path, rest, posixpath.join(here, rest), posixpath.join(here, "..", rest)]
-    elif "://" in path or path.startswith(("/", "~", "file:")):
-        options = []
-    else:
-        options = [posixpath.join(here, path)]
-    inside = [posixpath.normpath(option) for option in options]
-    inside = [p for p in inside if p != "." and not p.startswith(("/", "..")) and "\0" not in p]
-    if not inside:
-        raise UnusableError(f"its mesh {shown(reference)} lies outside the folder")
-    return tuple(dict.fromkeys(inside))
-
-
-def _parse_xml(data: bytes) -> Element:
-    if len(data) > MAX_TEXT:
-        raise UnusableError(f"it has more than {MAX_TEXT // 2**20} MiB of text")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise UnusableError("it is not UTF-8 text") from None
-    # From a str the parser takes no other encoding, so these words cannot hide.
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise UnusableError("it declares a document type or entities, which no URDF needs")
-    try:
-        return ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise UnusableError(f"it is no XML: {str(error)[:200]}") from None
 
 
 def _named(root: Element, tag: str) -> dict[str, Element]:
@@ -177,7 +138,7 @@ def _poses(links: Mapping[str, Element], joints: list[Element]) -> dict[str, Arr
     return poses
 
 
-def _shape(element: Element, T: Array, files: list[str]) -> Shape:
+def _shape(element: Element, T: Array, files: dict[str, int]) -> Shape:
     geometry = _child(element, "geometry")
     pose = Pose.from_matrix(T)
     found = list(geometry)
@@ -194,9 +155,9 @@ def _shape(element: Element, T: Array, files: list[str]) -> Shape:
     elif kind == "mesh":
         size = _numbers(found[0], "scale", "1 1 1")
         name = found[0].get("filename", "")
-        if name not in files:
-            files.append(name)
-        blob, kind = files.index(name), suffix(name)
+        blob, kind = files.setdefault(name, len(files)), suffix(name)
+        if len(files) > MAX_MESHES:
+            raise UnusableError(f"it names more than {MAX_MESHES} meshes")
     else:
         raise UnusableError(
             f"it has a shape {shown(kind)}, valid: box, sphere, cylinder, capsule, mesh"
@@ -209,7 +170,7 @@ def _shape(element: Element, T: Array, files: list[str]) -> Shape:
 
 def _mass(link: Element) -> float | None:
     element = link.find("inertial/mass")
-    return None if element is None else max(0.0, _number(element, "value")) or None
+    return None if element is None else _number(element, "value")
 
 
 def _inertial(link: Element, T: Array) -> Inertial | None:

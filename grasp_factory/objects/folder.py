@@ -100,8 +100,8 @@ class FolderObject:
     """One object of an imported folder."""
 
     family: str
-    source_sha256: str
-    """Of the content that it was made from; the split hangs on it."""
+    shape_sha256: str
+    """Of its shape, whatever its size, format and name; the split hangs on it."""
     mass: float
     """kg."""
     lateral_friction: float
@@ -111,7 +111,7 @@ class FolderObject:
 
     def __post_init__(self) -> None:
         _check_name("family", self.family)
-        check(is_digest(self.source_sha256), "source_sha256", self.source_sha256, "a SHA-256")
+        check(is_digest(self.shape_sha256), "shape_sha256", self.shape_sha256, "a SHA-256")
         check_range(self, "mass", 1e-4, 10.0, "kg")
         check_range(self, "lateral_friction", 0.0, 10.0)
         check(all(0.0 <= c <= 1.0 for c in self.color), "color", self.color, "0 to 1")
@@ -219,7 +219,7 @@ def _model(object_id: str, item: FolderObject, where: Path) -> ObjectModel:
         mass=item.mass,
         lateral_friction=item.lateral_friction,
         color=item.color,
-        split_by=item.source_sha256,
+        split_by=item.shape_sha256,
     )
 
 

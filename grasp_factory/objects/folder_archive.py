@@ -7,7 +7,7 @@ import re
 import zipfile
 
 from grasp_factory.errors import ConfigError, StoreError
-from grasp_factory.objects.folder import Manifest, read_manifest
+from grasp_factory.objects.folder import MAX_REACH, Manifest, read_manifest
 from grasp_factory.objects.folder_cache import (
     cache_dir,
     digest,
@@ -20,6 +20,8 @@ from grasp_factory.objects.folder_cache import (
 MANIFEST = "manifest.json"
 MAX_BYTES = 2**31
 """Of an archive."""
+MAX_NUMBER = 2.0 * MAX_REACH
+"""In a mesh: what is seen may lie a little beyond what collides."""
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """The first date that a zip file knows; with it, equal objects are equal archives."""
 _NUMBER = rb"-?\d{1,20}(?:\.\d{1,20})?(?:e-?\d{1,3})?"
@@ -107,6 +109,9 @@ def _check_mesh(sha256: str, data: bytes) -> None:
     lines = data.split(b"\n")
     if lines.pop() or not all(map(_LINE.fullmatch, lines)):
         raise StoreError(f"mesh {sha256} has lines that imports do not write")
+    values = [line for line in lines if line.startswith(b"v")]
+    if any(abs(float(word)) > MAX_NUMBER for line in values for word in line.split()[1:]):
+        raise StoreError(f"mesh {sha256} has numbers that no object has")
     counts = [sum(line.startswith(kind + b" ") for line in lines) for kind in _KINDS]
     faces = [line for line in lines if line.startswith(b"f ")]
     if not faces:

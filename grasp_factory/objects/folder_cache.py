@@ -24,9 +24,12 @@ def cache_dir() -> Path:
     Raises:
         UsageError: if the engine could not load meshes from there.
     """
-    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    home = base if base.is_absolute() else Path("~/.cache").expanduser()
-    path = Path(os.environ.get(VARIABLE) or home / "grasp-factory").absolute()
+    try:
+        path = Path(os.environ.get(VARIABLE) or _user_cache() / "grasp-factory").absolute()
+    except (OSError, RuntimeError) as error:
+        raise UsageError(
+            f"there is no place for the cache: {error}; set {VARIABLE} to a directory"
+        ) from None
     if not str(path).isascii() or len(str(path)) > MAX_PATH:
         raise UsageError(
             f"the cache {shown(str(path))} cannot be used: the physics engine opens mesh files"
@@ -34,6 +37,11 @@ def cache_dir() -> Path:
             " directory"
         )
     return path
+
+
+def _user_cache() -> Path:
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return base if base.is_absolute() else Path("~/.cache").expanduser()
 
 
 def mesh_path(cache: Path, sha256: str) -> Path:

@@ -20,9 +20,9 @@ from grasp_factory.objects import Compound
 from grasp_factory.sections import PhysicsConfig
 from grasp_factory.world.bodies import create_box, create_compound
 from grasp_factory.world.engine import muted, p
-from grasp_factory.world.textures import load_texture
+from grasp_factory.world.textures import Textures
 from grasp_factory.world.urdf import with_packages
-from grasp_factory.world.visuals import NO_TEXTURE, Hidden, hide, render, set_look, show
+from grasp_factory.world.visuals import Hidden, hide, render, set_look, show
 
 CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so it is set at each one
 
@@ -39,7 +39,7 @@ class World:
             )
         self._client: int = p.connect(p.DIRECT)
         self._sealed = False
-        self._textures: dict[str, int] = {}
+        self._textures = Textures(self._client)
 
     def __enter__(self) -> World:
         return self
@@ -57,7 +57,7 @@ class World:
         """Empty the world and set every setting, those that survive a reset above all."""
         p.resetSimulation(physicsClientId=self._client)
         self._sealed = False
-        self._textures.clear()
+        self._textures.forget()
         p.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / physics.free_hz,
             numSubSteps=0,  # with substeps, contact forces come out divided and motors multiplied
@@ -148,9 +148,7 @@ class World:
         Raises:
             UnknownNameError: if there is no such texture.
         """
-        if texture and texture not in self._textures:  # the engine keeps a copy for each loading
-            self._textures[texture] = load_texture(self._client, texture)
-        set_look(self._client, body, color, self._textures.get(texture, NO_TEXTURE))
+        set_look(self._client, body, color, self._textures.find(texture))
 
     def hide(self, body: int) -> Hidden:
         """Leave a body out of all renders until ``show``; its physics stay."""

@@ -10,15 +10,32 @@ import cv2
 from grasp_factory.textures import texture_image
 from grasp_factory.world.engine import p
 
+NO_TEXTURE = -1
 
-def load_texture(client: int, texture: str) -> int:
-    """Return the engine's id of a texture, which holds until the next reset.
 
-    Raises:
-        UnknownNameError: if there is no such texture.
-    """
-    loaded: int = p.loadTexture(_file_of(texture), physicsClientId=client)
-    return loaded
+class Textures:
+    """The textures of a client. Each is loaded once a reset: the engine keeps every copy."""
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+        self.loaded: dict[str, int] = {}
+
+    def find(self, texture: str) -> int:
+        """Return the engine's id of a texture, or of none for an empty name.
+
+        Raises:
+            UnknownNameError: if there is no such texture.
+        """
+        if not texture:
+            return NO_TEXTURE
+        if texture not in self.loaded:
+            file = _file_of(texture)
+            self.loaded[texture] = p.loadTexture(file, physicsClientId=self._client)
+        return self.loaded[texture]
+
+    def forget(self) -> None:
+        """Take note of a reset, which ends all ids."""
+        self.loaded.clear()
 
 
 @cache

@@ -14,9 +14,6 @@ Hidden = list[tuple[int, int, Sequence[float]]]
 """Link, its shape and the shape's colour, to show a body again."""
 
 
-NO_TEXTURE = -1
-
-
 def set_look(client: int, body: int, color: Sequence[float], texture: int) -> None:
     """Show a body in a colour, multiplied with a texture's."""
     for link in range(-1, p.getNumJoints(body, physicsClientId=client)):

@@ -1,0 +1,74 @@
+"""The XML of a URDF, and which files of the folder its meshes may be."""
+
+from __future__ import annotations
+
+import posixpath
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from grasp_factory.errors import shown
+from grasp_factory.meshes.base import MESH_SUFFIXES, UnusableError
+from grasp_factory.meshes.listing import suffix
+
+MAX_TEXT = 4 * 2**20
+"""Bytes."""
+
+
+def named_meshes(data: bytes) -> tuple[str, ...]:
+    """Return what a URDF that cannot be used calls its meshes, as far as that can be told."""
+    try:
+        found = (mesh.get("filename", "") for mesh in parse_xml(data).iter("mesh"))
+        return tuple(dict.fromkeys(found))
+    except UnusableError:
+        return ()
+
+
+def mesh_file(reference: str, urdf: str) -> tuple[str, ...]:
+    """Return where in the folder a mesh may lie, relative paths, the likeliest first.
+
+    Args:
+        reference: what the URDF calls it; a package is a folder of that name, or the root.
+        urdf: the URDF's own path in the folder.
+
+    Raises:
+        UnusableError: if it can lie outside only, or its format is another.
+    """
+    kind = suffix(reference)
+    if kind not in MESH_SUFFIXES:
+        raise UnusableError(f"its mesh {shown(reference)} is no {', '.join(MESH_SUFFIXES)} file")
+    path = reference.replace("\\", "/")
+    here = posixpath.dirname(urdf)
+    if path.startswith("package://"):
+        path = path.removeprefix("package://")
+        rest = path.partition("/")[2]
+        options = [path, rest, posixpath.join(here, rest), posixpath.join(here, "..", rest)]
+    elif "://" in path or path.startswith(("/", "~", "file:")):
+        options = []
+    else:
+        options = [posixpath.join(here, path)]
+    inside = [posixpath.normpath(option) for option in options]
+    inside = [p for p in inside if p != "." and not p.startswith(("/", "..")) and "\0" not in p]
+    if not inside:
+        raise UnusableError(f"its mesh {shown(reference)} lies outside the folder")
+    return tuple(dict.fromkeys(inside))
+
+
+def parse_xml(data: bytes) -> Element:
+    """Return the outermost element of an XML text that has no entities.
+
+    Raises:
+        UnusableError: if it is no such text.
+    """
+    if len(data) > MAX_TEXT:
+        raise UnusableError(f"it has more than {MAX_TEXT // 2**20} MiB of text")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise UnusableError("it is not UTF-8 text") from None
+    # From a str the parser takes no other encoding, so these words cannot hide.
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise UnusableError("it declares a document type or entities, which no URDF needs")
+    try:
+        return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        raise UnusableError(f"it is no XML: {str(error)[:200]}") from None
