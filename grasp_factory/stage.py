@@ -27,8 +27,10 @@ on the objects, because Bullet does not report rolling moments and touch must be
 TABLE_SPINNING_FRICTION = 0.001
 """As above, against spinning on the spot, which nothing else would stop for a ball."""
 
+MAX_BACKGROUNDS = 64
+"""Backgrounds that are kept: a hundred episodes fill them, and memory is flat from then on."""
 MAX_BACKGROUND_BYTES = 200_000_000
-"""For the backgrounds that are kept: 58 at 640x480, or 19 surroundings seen by three cameras."""
+"""For all of them: 58 at 640x480, or 19 surroundings seen by three cameras."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,8 @@ def _background(world: World, spec: EpisodeSpec, name: str) -> tuple[Camera, Ren
         _dress(world, *_start(world, spec), spec.surroundings)
         found = render(world, camera, spec.surroundings.light)
     _backgrounds[key] = found  # the last one of the dictionary is the one used last
-    while len(_backgrounds) > max(1, MAX_BACKGROUND_BYTES // found.nbytes):
+    most = max(1, min(MAX_BACKGROUNDS, MAX_BACKGROUND_BYTES // found.nbytes))
+    while len(_backgrounds) > most:
         del _backgrounds[next(iter(_backgrounds))]
     return camera, found
 

@@ -65,6 +65,14 @@ class TestBackgrounds:
             assert kept <= set(stage._backgrounds)
         assert len(stage._backgrounds) == 6
 
+    def test_small_ones_are_not_kept_without_end_either(
+        self, world: World, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(stage, "MAX_BACKGROUNDS", 4)
+        for index in range(5):
+            build_scene(world, crowd(index))
+        assert len(stage._backgrounds) == 4
+
     def test_surroundings_that_come_again_are_not_rendered_again(
         self, world: World, monkeypatch: pytest.MonkeyPatch
     ) -> None:
