@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, inverse
-
-# TinyRenderer samples pixel (u, v) at (u + 0, v + 1) of the clip-space grid where OpenGL samples
-# at (u + 0.5, v + 0.5), so the principal point for integer pixel coordinates is (w/2, h/2 - 1).
-TINY_PIXEL_OFFSET = (0.0, 1.0)
+from grasp_factory.renderer import Renderer
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +29,12 @@ class Intrinsics:
     cy: float
 
     @classmethod
-    def from_fov(cls, width: int, height: int, fov_y: float) -> Intrinsics:
+    def from_fov(
+        cls, width: int, height: int, fov_y: float, renderer: Renderer = Renderer.TINY
+    ) -> Intrinsics:
         """Return square-pixel intrinsics for a vertical field of view in radians."""
         f = height / 2.0 / np.tan(fov_y / 2.0)
-        dx, dy = TINY_PIXEL_OFFSET
+        dx, dy = renderer.pixel_offset
         return cls(width, height, float(f), float(f), width / 2.0 - dx, height / 2.0 - dy)
 
     def matrix(self) -> Array:
@@ -53,6 +54,8 @@ class Camera:
     """Metres."""
     far: float
     """Metres."""
+    renderer: Renderer = Renderer.TINY
+    """What it is made for: pixels are sampled elsewhere by another."""
 
     def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
         """Return the camera that takes a part of this one's image, pixel for pixel."""
@@ -68,7 +71,7 @@ class Camera:
         """Return the OpenGL projection matrix (4, 4)."""
         k, n, f = self.intrinsics, self.near, self.far
         P = np.zeros((4, 4))
-        dx, dy = TINY_PIXEL_OFFSET
+        dx, dy = self.renderer.pixel_offset
         P[0, 0], P[0, 2] = 2.0 * k.fx / k.width, 1.0 - 2.0 * (k.cx + dx) / k.width
         P[1, 1], P[1, 2] = 2.0 * k.fy / k.height, 2.0 * (k.cy + dy) / k.height - 1.0
         P[2, 2], P[2, 3] = -(f + n) / (f - n), -2.0 * f * n / (f - n)
@@ -94,7 +97,12 @@ def zbuffer_to_depth(zbuffer: Array, near: float, far: float) -> Array:
 
 def deproject(depth: Array, K: Array) -> Array:
     """Return the points (H, W, 3) in the camera frame, metres, of a depth image (H, W)."""
-    v, u = np.indices(depth.shape)
+    height, width = depth.shape
+    return deproject_pixels(np.arange(width), np.arange(height)[:, None], depth, K)
+
+
+def deproject_pixels(u: NDArray[Any], v: NDArray[Any], depth: Array, K: Array) -> Array:
+    """Return the points (..., 3) in the camera frame, metres, of pixels (u, v) and their depth."""
     x = (u - K[0, 2]) / K[0, 0] * depth
     y = (v - K[1, 2]) / K[1, 1] * depth
     return np.stack([x, y, depth], axis=-1)

@@ -23,16 +23,17 @@ from grasp_factory.records import (
     normalise,
     to_plain,
 )
+from grasp_factory.renderer import Renderer
 from grasp_factory.sections import (
     SHAKE_MOTIONS,
     CameraConfig,
     ClutterConfig,
     LabelConfig,
     MotionConfig,
-    PhysicsConfig,
     ShakeConfig,
     WorkspaceConfig,
 )
+from grasp_factory.stepping import PhysicsConfig
 
 MAX_VIDEO_GB = 4
 """Of memory, in each worker."""
@@ -81,6 +82,8 @@ class FactoryConfig:
     )
     resolution: tuple[int, int] = (640, 480)
     """Image width and height, pixels."""
+    renderer: Renderer = Renderer.TINY
+    """What draws the images: tiny, or egl where there is OpenGL."""
     record_hz: int = 120
     """Rate of the streams; divides both physics rates."""
     imu_hz: int = 400
@@ -113,8 +116,8 @@ class FactoryConfig:
         check(len(self.cameras) > 0, "cameras", {}, "at least one camera")
         for name in self.cameras:
             check(name.isidentifier(), "cameras", name, "names of letters, digits and _")
-        sides = [16 <= side <= 4096 for side in self.resolution]
-        check(all(sides), "resolution", list(self.resolution), "16 to 4096 pixels a side")
+        self._check_resolution()
+        self._check_textures()
         self._check_rate("record_hz")
         if self.video_hz:
             self._check_rate("video_hz")
@@ -126,6 +129,21 @@ class FactoryConfig:
         strongest = max(self.shake.levels, default=0.0)
         valid = f"at most the last of shake.levels ({strongest})"
         check(self.label.min_shake <= strongest, "label.min_shake", self.label.min_shake, valid)
+
+    def _check_resolution(self) -> None:
+        sides = [16 <= side <= 4096 for side in self.resolution]
+        check(all(sides), "resolution", list(self.resolution), "16 to 4096 pixels a side")
+        (width, height), name = self.renderer.largest_image, self.renderer.value
+        fits = self.resolution[0] <= width and self.resolution[1] <= height
+        valid = f"up to {width}x{height} with renderer {name}"
+        check(fits, "resolution", list(self.resolution), valid)
+
+    def _check_textures(self) -> None:
+        for key in ("object_texture", "table_texture", "floor_texture"):
+            share = getattr(self.randomize.looks, key)
+            ok = share == 0.0 or self.renderer.has_textures
+            valid = f"0 with renderer {self.renderer.value}, which shows no textures"
+            check(ok, f"randomize.looks.{key}", share, valid)
 
     def _check_video(self) -> None:
         """Check that a block's videos can be held, as it is written whole."""

@@ -17,8 +17,9 @@ from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.randomize import RANDOMIZE_PRESETS
 from grasp_factory.records import check
+from grasp_factory.renderer import Renderer
 from grasp_factory.request import Request, resolve_request
-from grasp_factory.sections import PHYSICS_PRESETS
+from grasp_factory.stepping import PHYSICS_PRESETS
 from grasp_factory.yamltext import read_yaml
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -65,6 +66,12 @@ _OPTIONS = (
         type=resolution,
         metavar="WxH",
         help=f"Of all images, pixels.  [default: {_SIZE}]",
+    ),
+    click.option(
+        "--renderer",
+        type=click.Choice([renderer.value for renderer in Renderer]),
+        help="tiny needs no driver and is reproducible; egl needs OpenGL, of a GPU or Mesa."
+        f"  [default: {DEFAULTS.renderer.value}]",
     ),
     click.option(
         "--randomize",

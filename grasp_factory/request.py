@@ -20,7 +20,7 @@ from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, lookup, nearest, shown
 from grasp_factory.randomize import RANDOMIZE_PRESETS
 from grasp_factory.records import check, is_integer, sections_of, to_plain
-from grasp_factory.sections import PHYSICS_PRESETS
+from grasp_factory.stepping import PHYSICS_PRESETS
 from grasp_factory.yamltext import parse_yaml
 
 MAX_EPISODES = 1_000_000

@@ -1,4 +1,4 @@
-"""What never moves, and the cameras that look at it: floor, table, light, backgrounds."""
+"""What never moves, and the cameras that look at it: floor, table, foot, light, backgrounds."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 from grasp_factory.camera import Camera
 from grasp_factory.episode import EpisodeSpec
-from grasp_factory.geometry import Array
+from grasp_factory.errors import lookup
+from grasp_factory.geometry import IDENTITY
 from grasp_factory.looks import Surroundings
+from grasp_factory.robots import ROBOTS, Robot, RobotModel
 from grasp_factory.sections import CameraConfig, Mount
 from grasp_factory.sensors import Render, make_camera, render
 from grasp_factory.world import World
+from grasp_factory.world.foot import foot_of
 
 TABLE_CENTER_XY = (0.45, 0.0)
 """Metres; the robot's base, at the origin, stands 0.25 m inside the table's near edge."""
@@ -27,17 +30,21 @@ on the objects, because Bullet does not report rolling moments and touch must be
 TABLE_SPINNING_FRICTION = 0.001
 """As above, against spinning on the spot, which nothing else would stop for a ball."""
 
+FOOT = (-1,)
+"""Links of a robot that never move: its base."""
+
 MAX_BACKGROUNDS = 64
 """Backgrounds that are kept: a hundred episodes fill them, and memory is flat from then on."""
 MAX_BACKGROUND_BYTES = 200_000_000
-"""For all of them: 58 at 640x480, or 19 surroundings seen by three cameras."""
+"""For all of them: 59 at 640x480, or 19 surroundings seen by three cameras."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
     """Floor and table, hidden in the world, and the cameras.
 
-    What a still camera sees of floor and table is rendered once, and composited with what moves.
+    What a still camera sees of floor, table and the robot's foot is rendered once, and composited
+    with what moves.
     """
 
     world: World
@@ -47,32 +54,41 @@ class Stage:
     """Body."""
     surroundings: Surroundings
     still: Mapping[str, tuple[Camera, Render]]
-    """The cameras that stand still, each with its background."""
+    """The cameras that stand still, each with its background; none where nothing composites."""
     moving: Mapping[str, CameraConfig]
-    """The cameras that are fixed to the hand."""
+    """The others: those on the hand."""
     resolution: tuple[int, int]
 
-    def look(self, name: str, T_world_tcp: Array) -> tuple[Camera, Render]:
-        """Render everything through one camera, the hand being at ``T_world_tcp`` (4, 4)."""
+    def look(self, name: str, robot: Robot) -> tuple[Camera, Render]:
+        """Render everything through one camera."""
         light = self.surroundings.light
         if name in self.still:
             camera, background = self.still[name]
-            return camera, background.behind(render(self.world, camera, light))
-        camera = make_camera(name, self.moving[name], self.resolution, T_world_tcp)
+            foot = self.world.hide(robot.body, FOOT)
+            moving = render(self.world, camera, light)
+            self.world.show(robot.body, foot)
+            return camera, background.behind(moving)
+        config = self.moving[name]
+        mount = robot.T_world_tcp() if config.mount is Mount.TCP else None
+        camera = make_camera(name, config, self.resolution, self.world.renderer, mount)
         _dress(self.world, self.floor, self.table, self.surroundings)
         whole = render(self.world, camera, light)
         _hide(self.world, self.floor, self.table)
         return camera, whole
 
 
-_Key = tuple[Surroundings, CameraConfig, tuple[int, int]]
+_Key = tuple[Surroundings, CameraConfig, tuple[int, int], str]
 _backgrounds: dict[_Key, Render] = {}
 """Kept over episodes, for those that share their surroundings."""
 
 
 def set_stage(world: World, spec: EpisodeSpec) -> Stage:
     """Empty the world and put floor and table there, with all cameras around them."""
-    still = {name: c for name, c in spec.cameras.items() if c.mount is Mount.WORLD}
+    still = {
+        name: c
+        for name, c in spec.cameras.items()
+        if c.mount is Mount.WORLD and world.renderer.composites
+    }
     moving = {name: c for name, c in spec.cameras.items() if name not in still}
     backgrounds = {name: _background(world, spec, name) for name in still}
     floor, table = _start(world, spec)
@@ -81,19 +97,20 @@ def set_stage(world: World, spec: EpisodeSpec) -> Stage:
 
 
 def _background(world: World, spec: EpisodeSpec, name: str) -> tuple[Camera, Render]:
-    """Return a camera and its render of floor and table alone.
+    """Return a camera and its render of floor, table and foot alone.
 
     It is made in a world of its own. The engine's images depend a little, in the last bit of rare
     pixels, on how many there were since the last reset, and an episode must not notice whether
     its background was there already.
     """
     config = spec.cameras[name]
-    camera = make_camera(name, config, spec.resolution)
-    key = (spec.surroundings, config, spec.resolution)
+    camera = make_camera(name, config, spec.resolution, world.renderer)
+    key = (spec.surroundings, config, spec.resolution, spec.robot)
     found = _backgrounds.pop(key, None)
     if found is None:
         _dress(world, *_start(world, spec), spec.surroundings)
-        found = render(world, camera, spec.surroundings.light)
+        _load_foot(world, lookup(ROBOTS, "robot", spec.robot))
+        found = render(world, camera, spec.surroundings.light).packed()
     _backgrounds[key] = found  # the last one of the dictionary is the one used last
     most = max(1, min(MAX_BACKGROUNDS, MAX_BACKGROUND_BYTES // found.nbytes))
     while len(_backgrounds) > most:
@@ -106,6 +123,12 @@ def _start(world: World, spec: EpisodeSpec) -> tuple[int, int]:
     world.reset(spec.physics)
     floor = _add_slab(world, FLOOR_SIZE, (0.0, 0.0), -TABLE_HEIGHT)
     return floor, _add_slab(world, TABLE_SIZE, TABLE_CENTER_XY, 0.0)
+
+
+def _load_foot(world: World, model: RobotModel) -> None:
+    """Load a robot's foot, where it stands when the whole robot is there."""
+    file = foot_of(model.path())
+    world.load_urdf(file, IDENTITY, fixed=True, file_inertia=model.file_inertia)
 
 
 def _add_slab(world: World, size: Sequence[float], center_xy: Sequence[float], top: float) -> int:

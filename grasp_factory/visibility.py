@@ -37,7 +37,7 @@ def visible_shares(
         window = _window(world, body, camera)
         if window is not None:
             world.show(body, hidden[body])
-            alone = render(world, window, Light()).pixels_of(body)
+            alone = np.count_nonzero(render(world, window, Light()).zbuffer < 1.0)
             shares[i] = min(1.0, whole.pixels_of(body) / alone) if alone else 0.0
             world.hide(body)
     for body, looks in hidden.items():

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -8,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp_factory.camera import (
-    TINY_PIXEL_OFFSET,
     Camera,
     Intrinsics,
+    Renderer,
     deproject,
     project,
     zbuffer_to_depth,
@@ -20,6 +21,8 @@ from grasp_factory.geometry import Array, apply, look_at
 SIZES = st.tuples(st.integers(16, 64), st.integers(16, 64))
 FOVS = st.floats(math.radians(1.0), math.radians(170.0))
 INTRINSICS = st.builds(lambda size, fov: Intrinsics.from_fov(*size, fov), SIZES, FOVS)
+SAMPLED_AT = {Renderer.TINY: (0.0, 1.0), Renderer.EGL: (0.5, 0.5)}
+"""Where each renderer samples pixel (0, 0), in pixels from the upper left corner."""
 NEAR, FAR = 0.1, 4.0
 CAMERA = Camera(
     "front",
@@ -40,11 +43,11 @@ class TestIntrinsics:
         k = Intrinsics.from_fov(640, 480, math.radians(90.0))
         assert k.fx == k.fy == pytest.approx(240.0)
 
-    @given(INTRINSICS)
+    @given(SIZES, FOVS, st.sampled_from(Renderer))
     def test_the_principal_point_is_the_middle_of_what_the_renderer_samples(
-        self, k: Intrinsics
+        self, size: tuple[int, int], fov: float, renderer: Renderer
     ) -> None:
-        dx, dy = TINY_PIXEL_OFFSET
+        k, (dx, dy) = Intrinsics.from_fov(*size, fov, renderer), SAMPLED_AT[renderer]
         assert (k.cx + dx, k.cy + dy) == (k.width / 2, k.height / 2)
 
     def test_the_matrix_holds_the_intrinsics_in_their_places(self) -> None:
@@ -106,19 +109,27 @@ class TestOpenGL:
         higher = apply(CAMERA.opengl_view(), np.array([0.50, 0.0, 0.2]))
         assert higher[1] > 0.0
 
-    @given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(NEAR, FAR))
+    @given(
+        st.floats(-0.5, 0.5),
+        st.floats(-0.5, 0.5),
+        st.floats(NEAR, FAR),
+        st.sampled_from(Renderer),
+        st.tuples(st.integers(0, 300), st.integers(0, 200)),
+    )
     def test_the_renderer_draws_a_point_at_the_pixel_that_project_gives(
-        self, x: float, y: float, depth: float
+        self, x: float, y: float, depth: float, renderer: Renderer, corner: tuple[int, int]
     ) -> None:
+        k = Intrinsics.from_fov(640, 480, math.radians(42.0), renderer)
+        camera = dataclasses.replace(CAMERA, intrinsics=k, renderer=renderer)
+        camera = camera.cropped(*corner, 320, 240)
         point = np.array([x * depth, y * depth, depth])  # camera frame
         world = apply(CAMERA.T_world_camera, point)
-        clip = CAMERA.opengl_projection() @ CAMERA.opengl_view() @ [*world, 1.0]
+        clip = camera.opengl_projection() @ camera.opengl_view() @ [*world, 1.0]
         ndc = clip[:3] / clip[3]
-        k = CAMERA.intrinsics
-        # Clip space runs from the lower left (-1, -1) to the upper right (1, 1); TinyRenderer
-        # draws into pixel (u, v) what lies at (u + 0, v + 1) of the grid counted from the top.
+        k, (dx, dy) = camera.intrinsics, SAMPLED_AT[renderer]
+        # Clip space runs from the lower left (-1, -1) to the upper right (1, 1).
         grid = (ndc[0] + 1.0) / 2.0 * k.width, (1.0 - ndc[1]) / 2.0 * k.height
-        pixel = grid[0] - 0.0, grid[1] - 1.0
+        pixel = grid[0] - dx, grid[1] - dy
         np.testing.assert_allclose(pixel, project(point, k.matrix()), atol=1e-8)
         zbuffer = np.array((ndc[2] + 1.0) / 2.0)
         np.testing.assert_allclose(zbuffer_to_depth(zbuffer, NEAR, FAR), depth, rtol=1e-9)

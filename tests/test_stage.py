@@ -11,15 +11,17 @@ from grasp_factory import stage
 from grasp_factory.camera import Light, deproject, project
 from grasp_factory.cameras import CAMERAS
 from grasp_factory.episode import EpisodeSpec
-from grasp_factory.geometry import Pose, apply, inverse
+from grasp_factory.geometry import IDENTITY, Pose, apply, inverse
 from grasp_factory.looks import SurfaceLook, Surroundings
 from grasp_factory.outcome import Label
 from grasp_factory.randomize import RANDOMIZE_PRESETS
+from grasp_factory.robots import ROBOTS, Robot
 from grasp_factory.sampling import sample_spec
 from grasp_factory.scene import build_scene, look, settle, take_shots
 from grasp_factory.sections import ClutterConfig
 from grasp_factory.sensors import render
 from grasp_factory.world import World
+from grasp_factory.world.foot import foot_of
 
 ALL_CAMERAS = {name: camera.config for name, camera in CAMERAS.items()}
 CROWD = dataclasses.replace(
@@ -72,6 +74,14 @@ class TestBackgrounds:
         for index in range(5):
             build_scene(world, crowd(index))
         assert len(stage._backgrounds) == 4
+
+    @pytest.mark.parametrize("robot", ROBOTS)
+    def test_the_foot_in_them_is_the_robots_own(self, world: World, robot: str) -> None:
+        world.reset(cube_spec().physics)
+        whole = Robot(world, ROBOTS[robot])
+        foot = world.load_urdf(foot_of(ROBOTS[robot].path()), IDENTITY, fixed=True)
+        assert world.joints(foot) == {}
+        assert world.bounds(foot) == world.bounds(whole.body)
 
     def test_surroundings_that_come_again_are_not_rendered_again(
         self, world: World, monkeypatch: pytest.MonkeyPatch

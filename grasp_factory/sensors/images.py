@@ -2,12 +2,13 @@
 
 What never moves is rendered once and composited: with shadows off, a pixel belongs to whatever
 has the smaller z-buffer value, so the result is the full render's, bit for bit (a test holds it
-to that), at a fifth of the time.
+to that), at a tenth of the time.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,14 @@ from grasp_factory.camera import Camera, Intrinsics, Light, zbuffer_to_depth
 from grasp_factory.episode import CameraImage
 from grasp_factory.geometry import Array, look_at
 from grasp_factory.outcome import Label
+from grasp_factory.renderer import Renderer
 from grasp_factory.sections import CameraConfig
 from grasp_factory.world import World
 
+S = TypeVar("S", bound=np.generic)
 _BODY_MASK = (1 << 24) - 1
+ROWS = 16
+"""Of an image, whose depth is worked out together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +40,8 @@ class Render:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes, with the channel that its RGB is a view of."""
-        return self.zbuffer.nbytes + self.mask.nbytes + self.rgb.nbytes // 3 * 4
+        """Memory that it takes."""
+        return self.rgb.nbytes + self.zbuffer.nbytes + self.mask.nbytes
 
     def pixels_of(self, body: int) -> int:
         """Return how many pixels show a body."""
@@ -44,18 +49,31 @@ class Render:
 
     def behind(self, front: Render) -> Render:
         """Return the composite of this render with another one of the same camera."""
-        nearer = front.zbuffer < self.zbuffer
+        nearer = np.flatnonzero(front.zbuffer < self.zbuffer)
         return Render(
-            np.where(nearer[..., None], front.rgb, self.rgb),
-            np.where(nearer, front.zbuffer, self.zbuffer),
-            np.where(nearer, front.mask, self.mask),
+            _with_pixels_of(front.rgb, self.rgb, nearer),
+            _with_pixels_of(front.zbuffer, self.zbuffer, nearer),
+            _with_pixels_of(front.mask, self.mask, nearer),
         )
+
+    def packed(self) -> Render:
+        """Return it in memory of its own: the renderer's RGB is a view of four channels."""
+        return Render(self.rgb.copy(), self.zbuffer.copy(), self.mask.copy())
+
+
+def _with_pixels_of(front: NDArray[S], back: NDArray[S], pixels: NDArray[np.intp]) -> NDArray[S]:
+    """Return a copy of one image (H, W, ...) with some pixels, by flat index, of another."""
+    out = back.copy()
+    channels = back.shape[2:]
+    out.reshape(-1, *channels)[pixels] = front.reshape(-1, *channels)[pixels]
+    return out
 
 
 def make_camera(
     name: str,
     config: CameraConfig,
     resolution: tuple[int, int],
+    renderer: Renderer,
     T_world_mount: Array | None = None,
 ) -> Camera:
     """Return the camera that a config describes.
@@ -64,14 +82,15 @@ def make_camera(
         name: Of the camera.
         config: Where it looks, in the frame of its mount.
         resolution: Width and height, pixels.
+        renderer: What draws its images.
         T_world_mount: Pose (4, 4) of what it is fixed to; None for the world itself.
     """
     width, height = resolution
-    intrinsics = Intrinsics.from_fov(width, height, np.radians(config.fov_y_deg))
+    intrinsics = Intrinsics.from_fov(width, height, np.radians(config.fov_y_deg), renderer)
     T_world_camera = look_at(config.eye, config.target, config.up)
     if T_world_mount is not None:
         T_world_camera = T_world_mount @ T_world_camera
-    return Camera(name, intrinsics, T_world_camera, config.near, config.far)
+    return Camera(name, intrinsics, T_world_camera, config.near, config.far, renderer)
 
 
 def render(world: World, camera: Camera, light: Light) -> Render:
@@ -87,11 +106,8 @@ def develop(whole: Render, camera: Camera, labels: NDArray[np.uint8]) -> CameraI
         camera: What it was seen by.
         labels: ``Label`` by [body, link + 1], as ``Scene.labels`` has it.
     """
-    metres = zbuffer_to_depth(whole.zbuffer.astype(np.float64), camera.near, camera.far)
-    seen = whole.mask >= 0
-    segmentation = np.full(whole.mask.shape, int(Label.BACKGROUND), np.uint8)
-    segmentation[seen] = labels[whole.mask[seen] & _BODY_MASK, whole.mask[seen] >> 24]
-    depth = metres.astype(np.float32)
+    depth = _depth(whole.zbuffer, camera)
+    segmentation = _segmentation(whole.mask, labels)
     for image in (whole.rgb, depth, segmentation):
         image.flags.writeable = False  # a policy sees the very arrays that are stored
     return CameraImage(
@@ -101,3 +117,19 @@ def develop(whole: Render, camera: Camera, labels: NDArray[np.uint8]) -> CameraI
         intrinsics=camera.intrinsics.matrix(),
         T_world_camera=camera.T_world_camera,
     )
+
+
+def _depth(zbuffer: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
+    """Return metres (H, W); a few rows at a time, in double precision, stay in the cache."""
+    depth = np.empty_like(zbuffer)
+    for top in range(0, len(zbuffer), ROWS):
+        rows = slice(top, top + ROWS)
+        depth[rows] = zbuffer_to_depth(zbuffer[rows].astype(np.float64), camera.near, camera.far)
+    return depth
+
+
+def _segmentation(mask: NDArray[np.int32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the label of each pixel (H, W)."""
+    places = (mask & _BODY_MASK) * labels.shape[1] + (mask >> 24)
+    places[mask < 0] = labels.size  # nothing seen
+    return np.asarray(np.append(labels.ravel(), np.uint8(Label.BACKGROUND))[places])

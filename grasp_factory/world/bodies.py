@@ -56,24 +56,6 @@ def create_compound(
     return created
 
 
-def create_box(
-    client: int,
-    half_extents: Sequence[float],
-    position: Sequence[float],
-    *,
-    mass: float,
-    rgba: Sequence[float],
-) -> int:
-    """Create a box and return the body."""
-    x, y, z = (2.0 * float(half) for half in half_extents)
-    box = Part(shape="box", size=(x, y, z))
-    seen = visual_parts(Compound(parts=(box,), gyration_squared=(0.0, 0.0, 0.0)))
-    shape = p.createCollisionShape(p.GEOM_BOX, halfExtents=half_extents, physicsClientId=client)
-    visual = _create_visual(client, seen, 1.0, rgba)
-    created: int = p.createMultiBody(mass, shape, visual, position, physicsClientId=client)
-    return created
-
-
 def _create_visual(client: int, seen: Sequence[Part], scale: float, rgba: Sequence[float]) -> int:
     created: int = p.createVisualShapeArray(
         **_arrays(seen, scale, "visual"),

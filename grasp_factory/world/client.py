@@ -6,7 +6,7 @@ whose order is not by id, link states that lag a step, frames at the centre of m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera, Light
-from grasp_factory.errors import GraspFactoryError, RecipeError
-from grasp_factory.geometry import Pose
+from grasp_factory.errors import GraspFactoryError
+from grasp_factory.geometry import IDENTITY, Pose
 from grasp_factory.objects import Compound
-from grasp_factory.sections import PhysicsConfig
-from grasp_factory.world.bodies import create_box, create_compound
+from grasp_factory.renderer import Renderer
+from grasp_factory.stepping import PhysicsConfig, Stepping
+from grasp_factory.world.bodies import create_compound
+from grasp_factory.world.boxes import box
+from grasp_factory.world.connection import connect, disconnect
 from grasp_factory.world.engine import muted, p
+from grasp_factory.world.loading import load_urdf
+from grasp_factory.world.names import MeshNames
 from grasp_factory.world.textures import Textures
-from grasp_factory.world.urdf import with_packages
-from grasp_factory.world.visuals import Hidden, hide, render, set_look, show
+from grasp_factory.world.visuals import Hidden, Visuals
 
 CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so it is set at each one
 
@@ -30,16 +34,24 @@ Row = tuple[Any, ...]
 
 
 class World:
-    """One physics client. An episode starts with ``reset`` and builds everything again."""
+    """One physics client. An episode starts with ``reset`` and builds everything again.
 
-    def __init__(self) -> None:
+    Raises:
+        UsageError: if the renderer cannot be loaded on this machine.
+        GraspFactoryError: if a world of this process has OpenGL already.
+    """
+
+    def __init__(self, renderer: Renderer = Renderer.TINY) -> None:
         if not p.isNumpyEnabled():
             raise GraspFactoryError(
                 "this pybullet was built without numpy: install the wheel, pybullet==3.2.7"
             )
-        self._client: int = p.connect(p.DIRECT)
+        self.renderer = renderer
+        self._client = connect(renderer)
         self._sealed = False
         self._textures = Textures(self._client)
+        self._visuals = Visuals(self._client, renderer, self._textures)
+        self._names = MeshNames(renderer)
 
     def __enter__(self) -> World:
         return self
@@ -49,7 +61,7 @@ class World:
 
     def close(self) -> None:
         """Disconnect the client."""
-        p.disconnect(physicsClientId=self._client)
+        disconnect(self._client)
 
     # -- building -------------------------------------------------------------------------
 
@@ -58,28 +70,28 @@ class World:
         p.resetSimulation(physicsClientId=self._client)
         self._sealed = False
         self._textures.forget()
+        self._visuals.forget()
+        self._names.forget()
         p.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / physics.free_hz,
             numSubSteps=0,  # with substeps, contact forces come out divided and motors multiplied
-            numSolverIterations=physics.solver_iterations,
             contactBreakingThreshold=CONTACT_BREAKING_THRESHOLD,
             deterministicOverlappingPairs=0,
             physicsClientId=self._client,
         )
         p.setGravity(0.0, 0.0, -physics.gravity, physicsClientId=self._client)
+        self.set_stepping(physics.free)
 
-    def set_rate(self, hz: int) -> None:
-        """Set the step rate; it may change inside an episode."""
-        p.setTimeStep(1.0 / hz, physicsClientId=self._client)
+    def set_stepping(self, stepping: Stepping) -> None:
+        """Set how time advances; it may change inside an episode."""
+        p.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / stepping.hz,
+            numSolverIterations=stepping.iterations,
+            numNonContactInnerIterations=stepping.motor_iterations,
+            physicsClientId=self._client,
+        )
 
     def load_urdf(
-        self,
-        path: Path,
-        pose: Pose,
-        *,
-        fixed: bool,
-        file_inertia: bool = False,
-        scale: float = 1.0,
+        self, path: Path, pose: Pose, *, fixed: bool, file_inertia: bool = False, scale: float = 1.0
     ) -> int:
         """Load a URDF with its own frame at ``pose`` and return the body.
 
@@ -89,20 +101,8 @@ class World:
             RecipeError: if the file cannot be loaded.
         """
         self._refuse_when_sealed("load a body")
-        flags = p.URDF_USE_INERTIA_FROM_FILE if file_inertia else 0
-        try:
-            with muted(1):
-                body: int = p.loadURDF(
-                    with_packages(path),
-                    pose.position,
-                    pose.quat_xyzw,
-                    useFixedBase=fixed,
-                    flags=flags,
-                    globalScaling=scale,
-                    physicsClientId=self._client,
-                )
-        except (p.error, OSError) as error:
-            raise RecipeError(f"{path.name} cannot be loaded: {error}") from None
+        name, client = self._names.of(path), self._client
+        body = load_urdf(client, name, pose, fixed=fixed, file_inertia=file_inertia, scale=scale)
         self._undamp(body)
         return body
 
@@ -121,8 +121,9 @@ class World:
             RecipeError: if it has too many parts, or a mesh file cannot be loaded.
         """
         self._refuse_when_sealed("add a body")
+        named = self._names.within(body)
         with muted(1):
-            created = create_compound(self._client, body, pose, mass=mass, scale=scale, rgba=rgba)
+            created = create_compound(self._client, named, pose, mass=mass, scale=scale, rgba=rgba)
         self._undamp(created)
         return created
 
@@ -135,10 +136,9 @@ class World:
         mass: float = 0.0,
     ) -> int:
         """Create a box (static when ``mass`` is 0) and return the body."""
-        self._refuse_when_sealed("add a body")
-        body = create_box(self._client, half_extents, position, mass=mass, rgba=rgba)
-        self._undamp(body)
-        return body
+        x, y, z = position
+        pose = Pose((x, y, z), IDENTITY.quat_xyzw)
+        return self.add_compound(box(half_extents), pose, mass=mass, rgba=rgba)
 
     # -- looks ----------------------------------------------------------------------------
 
@@ -147,16 +147,17 @@ class World:
 
         Raises:
             UnknownNameError: if there is no such texture.
+            RecipeError: if the renderer shows no textures.
         """
-        set_look(self._client, body, color, self._textures.find(texture))
+        self._visuals.set_look(body, color, texture)
 
-    def hide(self, body: int) -> Hidden:
-        """Leave a body out of all renders until ``show``; its physics stay."""
-        return hide(self._client, body)
+    def hide(self, body: int, links: Container[int] | None = None) -> Hidden:
+        """Leave a body, or some of its links, out of all renders; its physics stay."""
+        return self._visuals.hide(body, links)
 
     def show(self, body: int, hidden: Hidden) -> None:
         """Show a body again as it was."""
-        show(self._client, body, hidden)
+        self._visuals.show(body, hidden)
 
     def change_dynamics(self, body: int, link: int, **settings: Any) -> None:
         """Set dynamics by PyBullet's own names (``mass``, ``lateralFriction``, ...)."""
@@ -179,9 +180,9 @@ class World:
             constraint, gearRatio=-1, erp=0.3, maxForce=max_force, physicsClientId=self._client
         )
 
-    def enable_force_torque(self, body: int, joint: int) -> None:
-        """Make a fixed joint report the wrench it transmits."""
-        p.enableJointForceTorqueSensor(body, joint, True, physicsClientId=self._client)
+    def sense_wrench(self, body: int, joint: int, on: bool) -> None:
+        """Let a fixed joint report the wrench that it transmits, or let it be."""
+        p.enableJointForceTorqueSensor(body, joint, on, physicsClientId=self._client)
 
     def seal(self) -> None:
         """End the building: from here on bodies move by physics alone until ``reset``."""
@@ -269,9 +270,9 @@ class World:
         return float(p.getDynamicsInfo(body, link, physicsClientId=self._client)[0])
 
     def contacts(self) -> tuple[Row, ...]:
-        """Return PyBullet's rows for all contacts, unfiltered.
+        """Return PyBullet's rows for all contacts; filtered queries flip signs or drop some.
 
-        Queries filtered by body may flip the friction's sign or drop rows. In a row, [1] and [2]
+        In a row, [1] and [2]
         are bodies A and B, [3] and [4] their links, [5] and [6] the points on A and B, [7] the
         normal on B pointing to A, [8] the distance, [9] the normal force, [10] and [12] the
         friction forces along [11] and [13]; forces act on A.
@@ -282,7 +283,7 @@ class World:
         self, camera: Camera, light: Light
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]:
         """Return RGB (H, W, 3), the z-buffer (H, W) and body + (link + 1) * 2^24 (H, W)."""
-        return render(self._client, camera, light)
+        return self._visuals.render(camera, light)
 
     def _undamp(self, body: int) -> None:
         """Take away the damping that Bullet gives every link (0.04): there is no such air here."""

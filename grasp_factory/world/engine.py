@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 from collections.abc import Iterator
 from pathlib import Path
+
+_LIBC = ctypes.CDLL(None)
 
 
 @contextlib.contextmanager
@@ -13,10 +16,12 @@ def muted(fd: int) -> Iterator[None]:
     """Send a file descriptor to nowhere: the library prints from C, past ``sys.stdout``."""
     saved = os.dup(fd)
     try:
+        _LIBC.fflush(None)
         with open(os.devnull, "wb") as nowhere:
             os.dup2(nowhere.fileno(), fd)
         yield
     finally:
+        _LIBC.fflush(None)  # a pipe gets what C prints much later
         os.dup2(saved, fd)
         os.close(saved)
 

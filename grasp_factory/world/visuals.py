@@ -2,70 +2,94 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera, Light
+from grasp_factory.errors import RecipeError
+from grasp_factory.renderer import Renderer
 from grasp_factory.world.engine import p
+from grasp_factory.world.textures import Textures
 
 Hidden = list[tuple[int, int, Sequence[float]]]
 """Link, its shape and the shape's colour, to show a body again."""
 
 
-def set_look(client: int, body: int, color: Sequence[float], texture: int) -> None:
-    """Show a body in a colour, multiplied with a texture's."""
-    for link in range(-1, p.getNumJoints(body, physicsClientId=client)):
-        p.changeVisualShape(
-            body,
-            link,
-            rgbaColor=(*color, 1.0),
-            textureUniqueId=texture,
-            physicsClientId=client,
+class Visuals:
+    """The looks of a client's bodies."""
+
+    def __init__(self, client: int, renderer: Renderer, textures: Textures) -> None:
+        self._client = client
+        self._renderer = renderer
+        self._textures = textures
+        self._colors: dict[int, Sequence[float]] = {}
+
+    def forget(self) -> None:
+        """Take note of a reset, which ends all bodies."""
+        self._colors.clear()
+
+    def set_look(self, body: int, color: Sequence[float], texture: str) -> None:
+        """Show a body in a colour, multiplied with a texture's where one is named.
+
+        Raises:
+            UnknownNameError: if there is no such texture.
+            RecipeError: if the renderer shows no textures.
+        """
+        if texture and not self._renderer.has_textures:
+            raise RecipeError(f"texture {texture!r}: renderer {self._renderer.value} has none")
+        self._colors[body] = rgba = (*color, 1.0)
+        for link in range(-1, p.getNumJoints(body, physicsClientId=self._client)):
+            p.changeVisualShape(
+                body,
+                link,
+                rgbaColor=rgba,
+                textureUniqueId=self._textures.find(texture),
+                physicsClientId=self._client,
+            )
+
+    def hide(self, body: int, links: Container[int] | None = None) -> Hidden:
+        """Leave a body, or some of its links, out of all renders and return how it looked."""
+        hidden: Hidden = []
+        for row in p.getVisualShapeData(body, physicsClientId=self._client):
+            if links is not None and row[1] not in links:
+                continue
+            link, rgba = row[1], self._colors.get(body, row[7])  # with OpenGL, [7] is the file's
+            shape = sum(link == other for other, _, _ in hidden)  # they are counted by link
+            hidden.append((link, shape, rgba))
+            self._tint(body, (link, shape), (0.0, 0.0, 0.0, 0.0))
+        return hidden
+
+    def show(self, body: int, hidden: Hidden) -> None:
+        """Show a body again as it was."""
+        for link, shape, rgba in hidden:
+            self._tint(body, (link, shape), rgba)
+
+    def render(
+        self, camera: Camera, light: Light
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]:
+        """Return RGB (H, W, 3), the z-buffer (H, W) and body + (link + 1) * 2^24 (H, W)."""
+        _, _, rgba, zbuffer, mask = p.getCameraImage(
+            camera.intrinsics.width,
+            camera.intrinsics.height,
+            viewMatrix=camera.opengl_view().T.ravel().tolist(),
+            projectionMatrix=camera.opengl_projection().T.ravel().tolist(),
+            lightDirection=light.direction,
+            lightColor=light.color,
+            lightDistance=2.0,
+            shadow=0,
+            lightAmbientCoeff=light.ambient,
+            lightDiffuseCoeff=light.diffuse,
+            lightSpecularCoeff=light.specular,
+            renderer=p.ER_TINY_RENDERER,  # a plugin that is loaded draws in its place
+            flags=p.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
+            physicsClientId=self._client,
         )
+        return rgba[..., :3], zbuffer, mask
 
-
-def hide(client: int, body: int) -> Hidden:
-    """Leave a body out of all renders and return how it looked."""
-    hidden: Hidden = []
-    for row in p.getVisualShapeData(body, physicsClientId=client):
-        link, rgba = row[1], row[7]
-        shape = sum(link == other for other, _, _ in hidden)  # they are counted by link
-        hidden.append((link, shape, rgba))
-        _tint(client, body, (link, shape), (0.0, 0.0, 0.0, 0.0))
-    return hidden
-
-
-def show(client: int, body: int, hidden: Hidden) -> None:
-    """Show a body again as it was."""
-    for link, shape, rgba in hidden:
-        _tint(client, body, (link, shape), rgba)
-
-
-def render(
-    client: int, camera: Camera, light: Light
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]:
-    """Return RGB (H, W, 3), the z-buffer (H, W) and body + (link + 1) * 2^24 (H, W)."""
-    _, _, rgba, zbuffer, mask = p.getCameraImage(
-        camera.intrinsics.width,
-        camera.intrinsics.height,
-        viewMatrix=camera.opengl_view().T.ravel().tolist(),
-        projectionMatrix=camera.opengl_projection().T.ravel().tolist(),
-        lightDirection=light.direction,
-        lightColor=light.color,
-        lightDistance=2.0,
-        shadow=0,
-        lightAmbientCoeff=light.ambient,
-        lightDiffuseCoeff=light.diffuse,
-        lightSpecularCoeff=light.specular,
-        renderer=p.ER_TINY_RENDERER,
-        flags=p.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
-        physicsClientId=client,
-    )
-    return rgba[..., :3], zbuffer, mask
-
-
-def _tint(client: int, body: int, place: tuple[int, int], rgba: Sequence[float]) -> None:
-    link, shape = place
-    p.changeVisualShape(body, link, shapeIndex=shape, rgbaColor=rgba, physicsClientId=client)
+    def _tint(self, body: int, place: tuple[int, int], rgba: Sequence[float]) -> None:
+        link, shape = place
+        p.changeVisualShape(
+            body, link, shapeIndex=shape, rgbaColor=rgba, physicsClientId=self._client
+        )

@@ -1,0 +1,29 @@
+"""The foot of a robot: the link that stands on the table and never moves."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+from grasp_factory.world.urdf import with_packages
+
+
+@cache
+def foot_of(path: Path) -> Path:
+    """Return a URDF, in memory as long as the process, of another one's root link alone."""
+    root = ElementTree.parse(with_packages(path)).getroot()
+    children = {child.attrib["link"] for child in root.iterfind("joint/child")}
+    for element in [*root.iterfind("joint"), *root.iterfind("link")]:
+        if element.tag == "joint" or element.attrib["name"] in children:
+            root.remove(element)
+    for mesh in root.iter("mesh"):
+        mesh.attrib["filename"] = _absolute(mesh.attrib["filename"], path.parent)
+    file = os.memfd_create(f"foot of {path.name}")
+    os.write(file, ElementTree.tostring(root))
+    return Path(f"/proc/self/fd/{file}")
+
+
+def _absolute(mesh: str, folder: Path) -> str:
+    return str(folder / mesh.removeprefix("package://"))

@@ -1,0 +1,28 @@
+"""Bodies that stay where they are, left out of the simulation until they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from grasp_factory.world.client import World
+from grasp_factory.world.engine import p
+
+# Without the permission the engine wakes a body at its next step.
+_SLEEP = p.ACTIVATION_STATE_SLEEP | p.ACTIVATION_STATE_ENABLE_SLEEPING
+_WAKE = p.ACTIVATION_STATE_WAKE_UP | p.ACTIVATION_STATE_DISABLE_SLEEPING
+
+
+def put_to_sleep(world: World, bodies: Iterable[int]) -> None:
+    """Let bodies that are at rest sleep: they keep their pose and cost no time.
+
+    A sleeping body takes part while something that is awake touches it, and falls asleep again
+    when that leaves it, wherever it is then: wake it before it is moved.
+    """
+    for body in bodies:
+        world.change_dynamics(body, -1, activationState=_SLEEP)
+
+
+def wake(world: World, bodies: Iterable[int]) -> None:
+    """End the sleep of bodies."""
+    for body in bodies:
+        world.change_dynamics(body, -1, activationState=_WAKE)

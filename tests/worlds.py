@@ -1,0 +1,17 @@
+"""Worlds of both renderers."""
+
+from __future__ import annotations
+
+import pytest
+
+from grasp_factory.errors import UsageError
+from grasp_factory.renderer import Renderer
+from grasp_factory.world import World
+
+
+def world_of(renderer: Renderer) -> World:
+    """Return a world, or skip the test where its renderer cannot be loaded."""
+    try:
+        return World(renderer)
+    except UsageError as error:
+        pytest.skip(str(error))
