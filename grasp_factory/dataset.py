@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,14 @@ from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode, EpisodeSpec, checksum
 from grasp_factory.errors import StoreError, lookup, shown
 from grasp_factory.noise import EpisodeNoise, SensorNoise, named_noise
+from grasp_factory.readings import Readings
 from grasp_factory.records import is_integer
-from grasp_factory.rows import NEEDED, Row, assemble, fixed
-from grasp_factory.writers.header import open_array, open_store, read_array
+from grasp_factory.rows import NEEDED, Row, assemble, read_rows
+from grasp_factory.writers.added import added_columns, added_labels
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.header import open_store, read_array
+from grasp_factory.writers.stored import StoredArray, open_arrays
 
-LABEL_COLUMNS = ("outcome", "success")
 _NOT_IN_CHECKSUM = ("episodes/status", "episodes/checksum", "episodes/error")
 
 
@@ -38,7 +41,7 @@ class Dataset:
         path: Path,
         config: FactoryConfig,
         attributes: Mapping[str, Any],
-        arrays: Mapping[str, zarr.Array[Any]],
+        arrays: Mapping[str, StoredArray],
         noise: EpisodeNoise,
     ) -> None:
         """Use ``Dataset.open``."""
@@ -48,7 +51,8 @@ class Dataset:
         self._arrays = arrays
         self._noise = noise
         self._fields = {row.path: row for row in schema.expand(config) if row.path in arrays}
-        self._length: int = arrays[schema.STATUS.path].shape[0]
+        self._columns = Columns(path, config, arrays)
+        self._readings = Readings(config, arrays, self._fields, noise, self.spec)
 
     @classmethod
     def open(
@@ -70,12 +74,7 @@ class Dataset:
         path, shown_as = Path(path), EpisodeNoise(named_noise(noise), noise_seed)
         root, config = open_store(path, mode="r")
         needed = {f"episodes/{name}" for name in NEEDED}
-        arrays = {
-            row.path: open_array(root, row.path)
-            for row in schema.expand(config)
-            # A store made before a column was added to the schema lacks it, and is read without.
-            if row.path in needed or (path / row.path / "zarr.json").exists()
-        }
+        arrays = open_arrays(root, path, [row.path for row in schema.expand(config)], needed)
         return cls(path, config, root.attrs.asdict(), arrays, shown_as)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -87,21 +86,22 @@ class Dataset:
 
     def __len__(self) -> int:
         """Return the number of rows, whatever their status."""
-        return self._length
+        return self._columns.length
 
     @property
     def columns(self) -> list[str]:
         """Names for ``column`` and ``where``."""
-        return [p.removeprefix("episodes/") for p in self._fields if p.startswith("episodes/")]
+        return list(self._columns.names)
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return a whole column, shape (N, ...), rows that are missing included.
+        """Return a whole column, shape (N, ...); rows that are missing hold its fill value.
 
         Raises:
             UnknownNameError: listing the columns.
+            StoreError: if it is damaged.
         """
-        lookup(dict.fromkeys(self.columns), "column", name)
-        return self._read(f"episodes/{name}", 0, len(self))
+        self._check_column(name)
+        return self._columns.read(name)[name]
 
     @property
     def status(self) -> NDArray[np.uint8]:
@@ -125,10 +125,12 @@ class Dataset:
                 does not know.
             UsageError: for a column with more than one value per row.
         """
-        keep = self.status == 1
+        for name in conditions:
+            self._check_column(name)
+        columns = self._columns.read("status", *conditions)
+        keep = columns["status"] == 1
         for name, value in conditions.items():
-            values = self.column(name)
-            keep &= matching(self._fields[f"episodes/{name}"], values, value)
+            keep &= matching(self._fields[f"episodes/{name}"], columns[name], value)
         return np.flatnonzero(keep)
 
     def __getitem__(self, index: int) -> Episode:
@@ -140,7 +142,7 @@ class Dataset:
             StoreError: if the row is missing, quarantined or damaged.
         """
         i = self._committed_row(index)
-        return self._episode(i, self._read_rows(i, i + 1)[0])
+        return self._episode(i, read_rows(self._read, self._fields, i, i + 1)[0])
 
     def __iter__(self) -> Iterator[Episode]:
         """Iterate over the committed episodes."""
@@ -154,7 +156,7 @@ class Dataset:
             if len(indices) == 0:  # of a store without any
                 return
             start = int(indices[0]) // size * size
-            rows = self._read_rows(start, min(start + size, len(self)))
+            rows = read_rows(self._read, self._fields, start, min(start + size, len(self)))
             yield indices, [self._episode(int(i), rows[i - start]) for i in indices]
 
     def spec(self, index: int) -> EpisodeSpec:
@@ -171,6 +173,21 @@ class Dataset:
         except (ValueError, RecursionError) as error:  # ConfigError is a ValueError
             raise StoreError(f"{self.path}: episode {i} is damaged: {error}") from None
 
+    def value(self, index: int, column: str) -> Any:
+        """Return one column's value of one episode, reading no other.
+
+        Returns:
+            A numpy scalar, a string, or an array for columns with more than one value a row.
+
+        Raises:
+            UnknownNameError: listing the columns.
+            IndexError: naming the valid range.
+            StoreError: if the row is missing, quarantined or damaged.
+        """
+        self._check_column(column)
+        i = self._committed_row(index)
+        return self._read(f"episodes/{column}", i, i + 1)[0]
+
     def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
         """Return one image, reading no other.
 
@@ -179,18 +196,32 @@ class Dataset:
             camera: a key of ``config.cameras``.
             kind: rgb (H, W, 3) uint8, depth (H, W) float32 in metres, or segmentation (H, W) uint8.
             frame: 0 before the attempt, 1 after.
+
+        Raises:
+            UnknownNameError: for a camera or kind that the store does not have.
+            IndexError: for an episode or a frame out of range.
+            StoreError: if the row is missing, quarantined or damaged.
         """
-        lookup(self.config.cameras, "camera", camera)
+        image: NDArray[Any] = self.images([index], camera, kind, frame)[0]
+        return image
+
+    def images(self, indices: Iterable[int], camera: str, kind: str, frame: int) -> NDArray[Any]:
+        """Return the image of each of K episodes, (K, H, W, ...), opening each shard once.
+
+        Args:
+            indices: the episodes', in any order; the images come in theirs.
+            camera: see ``image``.
+            kind: see ``image``.
+            frame: see ``image``.
+
+        Raises:
+            UnknownNameError, IndexError, StoreError: as ``image`` does.
+        """
+        self._readings.image_path(camera, kind)  # a wrong name is told before a wrong index
         if frame not in (0, 1):
             raise IndexError(f"frame {frame}: valid: 0 (before) and 1 (after)")
-        at = f"cameras/{camera}/"
-        kinds = {p.removeprefix(at): p for p, row in self._fields.items() if row.is_image}
-        i, path = self._committed_row(index), lookup(kinds, "image kind", kind)
-        image = np.asarray(self._read(path, i, i + 1, frame)[0])
-        if kind not in self._noise.images:
-            return image
-        K, far = self._read(f"{at}intrinsics", i, i + 1)[0], self.spec(i).cameras[camera].far
-        return self._noise.image(image, K, far, index=i, camera=camera, kind=kind, frame=frame)
+        rows = [self._committed_row(index) for index in indices]
+        return self._readings.images(rows, camera, kind, frame)
 
     def series(self, index: int, *names: str) -> dict[str, NDArray[Any]]:
         """Return some streams of one episode, unpadded, reading no others (than noise needs).
@@ -198,21 +229,12 @@ class Dataset:
         Raises:
             UnknownNameError: listing the streams.
         """
-        i = self._committed_row(index)
-        streams = {p.removeprefix("streams/"): p for p in self._fields if p.startswith("streams/")}
-        for name in names:
-            lookup(streams, "stream", name)
-        n_steps = int(self._read("episodes/n_steps", i, i + 1)[0])
-        needed = [name for name in self._noise.needs(names) if name in streams]
-        clean = {name: self._read(streams[name], i, i + 1)[0][:n_steps] for name in needed}
-        read = self._noise.streams(i, clean, self.config.record_hz)
-        return {name: read[name] for name in names}
+        return self._readings.series(self._committed_row(index), names)
 
     @property
     def labels(self) -> list[str]:
         """Names of the labels that were added to the store's own (``grasp-factory relabel``)."""
-        found = (self.path / "labels").glob("*/zarr.json")
-        return sorted(file.parent.name for file in found if not file.parent.name.startswith("."))
+        return added_labels(self.path)
 
     def label(self, name: str) -> NDArray[np.uint8]:
         """Return an added label's outcomes, one for each row there was when it was made.
@@ -221,11 +243,12 @@ class Dataset:
             UnknownNameError: listing the labels.
         """
         lookup(dict.fromkeys(self.labels), "label", name)
-        return read_array(self._label_columns()[f"labels/{name}/outcome"])
+        return read_array(added_columns(self.path)[f"labels/{name}/outcome"])
 
     def arrays(self) -> dict[str, zarr.Array[Any]]:
         """Return every array of the store by its path, added labels included."""
-        return {**self._arrays, **self._label_columns()}
+        own = {path: array.zarr for path, array in self._arrays.items()}
+        return {**own, **added_columns(self.path)}
 
     def verify(self, index: int) -> bool:
         """Say whether an episode still has the checksum that it was written with.
@@ -236,7 +259,7 @@ class Dataset:
         """
         i = self._committed_row(index)
         try:
-            row = self._read_rows(i, i + 1)[0]
+            row = read_rows(self._read, self._fields, i, i + 1)[0]
         except StoreError:
             return False
         stored = str(row["episodes/checksum"])
@@ -263,28 +286,11 @@ class Dataset:
             raise StoreError(f"{self.path}: episode {i} is quarantined: {reason}")
         return i
 
-    def _read(self, path: str, start: int, stop: int, *more: int) -> NDArray[Any]:
-        return read_array(self._arrays[path], slice(start, stop), *more)
+    def _check_column(self, name: str) -> None:
+        lookup(dict.fromkeys(self._columns.names), "column", name)
 
-    def _label_columns(self) -> dict[str, zarr.Array[Any]]:
-        root, _ = open_store(self.path, mode="r")
-        paths = [f"labels/{name}/{column}" for name in self.labels for column in LABEL_COLUMNS]
-        return {path: open_array(root, path) for path in paths}
-
-    def _read_rows(self, start: int, stop: int) -> list[Row]:
-        at_once = {
-            p: self._read(p, start, stop) for p, row in self._fields.items() if not row.is_video
-        }
-        rows = []
-        for k in range(stop - start):
-            row = {path: fixed(values[k]) for path, values in at_once.items()}
-            for path, field in self._fields.items():
-                if field.is_video:  # a block of videos would be too large to hold
-                    row[path] = self._read(path, start + k, start + k + 1)[0]
-                if field.length_column:
-                    row[path] = row[path][: row[field.length_column]]
-            rows.append(row)
-        return rows
+    def _read(self, path: str, start: int, stop: int) -> NDArray[Any]:
+        return self._arrays[path].read(start, stop)
 
     def _episode(self, i: int, row: Row) -> Episode:
         try:

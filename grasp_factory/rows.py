@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.episode import CameraFrames, Episode, EpisodeSpec
 from grasp_factory.outcome import Outcome
+from grasp_factory.schema import Field
 
 Row = dict[str, NDArray[Any]]
 """Values of one episode by path, streams trimmed."""
@@ -18,6 +19,33 @@ NEEDED = frozenset(
     ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu", "n_video")
 )
 """Columns that are not in ``Episode.columns``."""
+
+
+def read_rows(
+    read: Callable[[str, int, int], NDArray[Any]],
+    fields: Mapping[str, Field],
+    start: int,
+    stop: int,
+) -> list[Row]:
+    """Return rows ``start`` to ``stop`` - 1, reading each array once.
+
+    Args:
+        read: Returns rows of the array of a path, (stop - start, ...).
+        fields: By path.
+        start: The first row.
+        stop: The row after the last.
+    """
+    at_once = {p: read(p, start, stop) for p, field in fields.items() if not field.is_video}
+    rows = []
+    for k in range(stop - start):
+        row = {path: fixed(values[k]) for path, values in at_once.items()}
+        for path, field in fields.items():
+            if field.is_video:  # a block of videos would be too large to hold
+                row[path] = read(path, start + k, start + k + 1)[0]
+            if field.length_column:
+                row[path] = row[path][: row[field.length_column]]
+        rows.append(row)
+    return rows
 
 
 def assemble(row: Mapping[str, NDArray[Any]], cameras: Iterable[str]) -> Episode:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,8 @@ from numpy.typing import NDArray
 
 from grasp_factory.dataset import Dataset
 from grasp_factory.outcome import Outcome, names
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.sizes import store_bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,18 +43,20 @@ class StoreSummary:
     object_sets: Mapping[str, Tally]
     splits: Mapping[str, Tally]
     bytes: int
-    """Of all files."""
+    """Of all files, but what a run that was killed has left of its last blocks."""
     bytes_per_episode: int | None
 
 
 def summarise(dataset: Dataset) -> StoreSummary:
     """Count what a dataset holds."""
-    status = dataset.status
+    columns = Columns.open(dataset.path)
+    read = columns.read("status", "success", "outcome", "policy", "object_set", "split")
+    status = read["status"]
     made = status == 1
-    success = dataset.column("success")[made]
-    outcomes = np.bincount(dataset.column("outcome")[made], minlength=len(Outcome))
+    success = read["success"][made]
+    outcomes = np.bincount(read["outcome"][made], minlength=len(Outcome))
     total = _tally(success)
-    size = size_on_disk(dataset.path)
+    size = store_bytes(columns)
     return StoreSummary(
         path=str(dataset.path),
         episodes=len(dataset),
@@ -62,12 +65,12 @@ def summarise(dataset: Dataset) -> StoreSummary:
         missing=int(np.sum(status == 0)),
         successes=total.successes,
         success_rate=total.success_rate,
-        policies=_tallies(dataset.column("policy")[made], success),
+        policies=_tallies(read["policy"][made], success),
         outcomes={
             word: int(count) for word, count in zip(names(Outcome), outcomes, strict=True) if count
         },
-        object_sets=_tallies(dataset.column("object_set")[made], success),
-        splits=_tallies(dataset.column("split")[made], success),
+        object_sets=_tallies(read["object_set"][made], success),
+        splits=_tallies(read["split"][made], success),
         bytes=size,
         bytes_per_episode=round(size / total.episodes) if total.episodes else None,
     )
@@ -86,13 +89,8 @@ def array_facts(dataset: Dataset) -> list[dict[str, Any]]:
     ]
 
 
-def size_on_disk(path: Path) -> int:
-    """Return the bytes of all files below ``path``."""
-    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-
-
 def _tallies(keys: NDArray[np.str_], success: NDArray[np.bool_]) -> dict[str, Tally]:
-    words = sorted({str(key) for key in keys})
+    words = sorted(set(keys.tolist()))
     return {word: _tally(success[keys == word]) for word in words}
 
 

@@ -22,7 +22,7 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.episode import Episode
 from grasp_factory.errors import StoreError, StoreMismatchError, UnknownNameError, UsageError
 from grasp_factory.outcome import Outcome
-from grasp_factory.writers import ZarrWriter
+from grasp_factory.writers import ZarrWriter, chunks
 from grasp_factory.writers.store import prepare_store
 
 CONFIG = small_config()
@@ -186,6 +186,50 @@ def test_one_image_is_read_alone(dataset: Dataset) -> None:
     assert str(out_of_range.value) == "frame 2: valid: 0 (before) and 1 (after)"
 
 
+class TestImagesOfSeveralEpisodes:
+    def test_are_each_ones_in_the_given_order(self, dataset: Dataset) -> None:
+        indices = [12, 0, -1, 3, 7, 4]
+        for kind in ("rgb", "depth", "segmentation"):
+            for frame in (0, 1):
+                images = dataset.images(np.array(indices), "front", kind, frame)
+                want = np.stack([dataset.image(i, "front", kind, frame) for i in indices])
+                assert (images.dtype, images.shape) == (want.dtype, want.shape)
+                assert images.tobytes() == want.tobytes()
+
+    def test_open_each_shard_once(self, path: Path, opened: list[str]) -> None:
+        Dataset.open(path).images([12, 0, 3, 7, 4, 1], "front", "rgb", 0)
+        assert len(opened) == 3
+
+    def test_have_the_noise_of_single_ones(self, path: Path) -> None:
+        noisy = Dataset.open(path, noise="stereo", noise_seed=4)
+        images = noisy.images([7, 0], "front", "depth", 0)
+        assert images[0].tobytes() == noisy.image(7, "front", "depth", 0).tobytes()
+        assert images[1].tobytes() == noisy[0].cameras["front"].depth[0].tobytes()
+
+    def test_may_be_none(self, dataset: Dataset) -> None:
+        assert dataset.images([], "front", "depth", 0).shape == (0, 24, 32)
+
+    def test_name_the_row_that_is_not_there(self, dataset: Dataset) -> None:
+        with pytest.raises(StoreError) as caught:
+            dataset.images([0, 8], "front", "rgb", 0)
+        assert str(caught.value) == f"{dataset.path}: episode 8 is missing"
+
+
+class TestOneValue:
+    def test_is_that_of_the_episode(self, dataset: Dataset) -> None:
+        want = make_episode(CONFIG, 7)
+        assert dataset.value(7, "object_mass") == want.columns["object_mass"]
+        assert isinstance(dataset.value(7, "success"), np.bool_)
+        assert dataset.value(-1, "policy") == make_episode(CONFIG, 12).columns["policy"]
+        np.testing.assert_array_equal(dataset.value(7, "object_ids"), want.columns["object_ids"])
+
+    def test_names_what_is_not_there(self, dataset: Dataset) -> None:
+        with pytest.raises(UnknownNameError, match="unknown column 'sucess'; did you mean"):
+            dataset.value(7, "sucess")
+        with pytest.raises(StoreError, match="episode 5 is quarantined: no luck with 5"):
+            dataset.value(5, "success")
+
+
 def test_a_column_is_one_array_with_a_value_per_row(dataset: Dataset) -> None:
     mass = [make_spec(CONFIG, i).objects[0].mass for i in dataset.committed]
     assert dataset.column("object_mass")[dataset.committed].tolist() == mass
@@ -266,18 +310,24 @@ def test_blocks_give_each_committed_episode_once_with_its_index(dataset: Dataset
     assert [episode.spec.index for episode in dataset] == dataset.committed.tolist()
 
 
-def test_blocks_read_each_shard_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    dataset, reads = Dataset.open(path), []
-    read = zarr.Array.__getitem__
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return the list to which each shard's file is added when it is opened."""
+    files: list[str] = []
+    read = chunks.Shard.__init__
 
-    def count(array: Any, selection: Any) -> Any:
-        reads.append(array.path)
-        return read(array, selection)
+    def note(shard: Any, file: str, count: int) -> None:
+        files.append(file)
+        read(shard, file, count)
 
-    monkeypatch.setattr(zarr.Array, "__getitem__", count)
-    list(dataset.iter_blocks())
-    assert reads.count("cameras/front/rgb") == 3
-    assert len(reads) == 3 * len(schema.expand(CONFIG)) + 1
+    monkeypatch.setattr(chunks.Shard, "__init__", note)
+    return files
+
+
+def test_blocks_read_each_shard_once(path: Path, opened: list[str]) -> None:
+    list(Dataset.open(path).iter_blocks())
+    shards = [field for field in schema.expand(CONFIG) if field.length_column or field.is_image]
+    assert len(opened) == len(set(opened)) == 3 * len(shards)
 
 
 def test_an_intact_episode_verifies(dataset: Dataset) -> None:

@@ -226,7 +226,7 @@ def test_a_growth_that_was_interrupted_is_taken_up_with_any_number(
         patch.setattr(zarr.Array, "resize", crash_after(done, zarr.Array.resize))
         prepare_store(tmp_path / "out", CONFIG, JOINTS, 100, {})
     assert len(Dataset.open(tmp_path / "out")) == 5
-    (tmp_path / "out/episodes/status/zarr.0123.partial").touch()
+    (tmp_path / "out/episodes/status/zarr.json.partial").touch()
     prepare_store(tmp_path / "out", CONFIG, JOINTS, n, {})
     assert_same_tree(tmp_path / "out", tmp_path / "want")
 
@@ -356,7 +356,7 @@ def test_a_damaged_commit_marker_is_an_error_of_one_line(tmp_path: Path) -> None
         with pytest.raises(StoreError) as caught:
             read()
         assert str(caught.value).startswith(
-            f"{tmp_path / 'out'}: episodes/status of episodes 0 to 4 cannot be read: "
+            f"{tmp_path / 'out'}: episodes/status of episodes 0 to 3 cannot be read: "
         )
         assert "\n" not in str(caught.value)
 

@@ -250,20 +250,20 @@ def test_a_crash_before_any_array_leaves_the_block_pending_and_redone_to_the_sam
     write_all(tmp_path / "want", CONFIG, 2)
     write_all(tmp_path / "out", CONFIG, 2)
     writer, rows = ZarrWriter(tmp_path / "out"), make_rows(CONFIG, 0, 2, quarantined=(1,))
-    write, left = zarr.Array.__setitem__, 0
+    write, left = zarr_module.write_aside, 0
 
-    def crash_when_none_is_left(array: Any, selection: Any, value: Any) -> None:
+    def crash_when_none_is_left(file: Path, data: bytes) -> None:
         nonlocal left
         if left == 0:
             raise Crash
         left -= 1
-        write(array, selection, value)
+        write(file, data)
 
     arrays = len(schema.expand(CONFIG))
     for survivors in range(arrays):
         left = survivors
         with monkeypatch.context() as patch, pytest.raises(Crash):
-            patch.setattr(zarr.Array, "__setitem__", crash_when_none_is_left)
+            patch.setattr(zarr_module, "write_aside", crash_when_none_is_left)
             writer.write_block(0, rows)
         assert pending_blocks(tmp_path / "out", 2) == [0], f"after {survivors} arrays"
         if survivors % 8 == 0 or survivors == arrays - 1:
@@ -307,6 +307,15 @@ def test_a_process_killed_while_writing_leaves_nothing_that_stays(
     assert_same_tree(tmp_path / "want", path)
 
 
+def test_what_was_left_of_a_video_goes_when_the_episode_has_none_any_more(tmp_path: Path) -> None:
+    config = small_config(block_size=2, video_hz=5, resolution=(16, 16))
+    write_all(tmp_path / "want", config, 2)  # 1 is quarantined
+    write_all(tmp_path / "out", config, 2)
+    (tmp_path / "out/videos/front/rgb/1.0.0.0.0.partial").touch()
+    ZarrWriter(tmp_path / "out").write_block(0, make_rows(config, 0, 2, quarantined=(1,)))
+    assert_same_tree(tmp_path / "want", tmp_path / "out")
+
+
 SHARED = """
 import sys
 from pathlib import Path
@@ -333,11 +342,11 @@ def test_everything_is_on_the_disk_before_the_block_is_committed(
 ) -> None:
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 2, {})
     writer, events = ZarrWriter(tmp_path / "out"), []
-    write, sync = zarr.Array.__setitem__, zarr_module.fsync
+    write, sync = zarr_module.write_aside, zarr_module.fsync
 
-    def log_write(array: Any, selection: Any, value: Any) -> None:
-        events.append(("write", array.path))
-        write(array, selection, value)
+    def log_write(file: Path, data: bytes) -> None:
+        events.append(("write", str(file.parent.relative_to(tmp_path / "out"))))
+        write(file, data)
 
     def log_sync(paths: Any) -> None:
         paths = list(paths)
@@ -345,7 +354,7 @@ def test_everything_is_on_the_disk_before_the_block_is_committed(
         events.extend(("sync", name) for name in names)
         sync(paths)
 
-    monkeypatch.setattr(zarr.Array, "__setitem__", log_write)
+    monkeypatch.setattr(zarr_module, "write_aside", log_write)
     monkeypatch.setattr(zarr_module, "fsync", log_sync)
     for _ in range(2):
         events.clear()

@@ -17,6 +17,7 @@ from grasp_factory import __version__
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError
 from grasp_factory.schema import FORMAT, FORMAT_VERSION
+from grasp_factory.writers.aside import AsideStore
 from grasp_factory.writers.files import locate
 
 LICENSE = "MIT"
@@ -39,7 +40,7 @@ def root_attributes(config: FactoryConfig, extra: Mapping[str, Any]) -> dict[str
         "config": config.to_plain(),
         "config_sha256": config.sha256(),
         "block_size": config.block_size,
-        "renderer": "tiny",
+        "renderer": config.renderer.value,
         "versions": {
             "python": platform.python_version(),
             **{name: version(name) for name in ("pybullet", "numpy", "zarr")},
@@ -79,7 +80,7 @@ def read_attributes(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise StoreError(f"{path} cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
-        raise StoreError(f"{path} is damaged: zarr.json: {_line(error)}") from None
+        raise StoreError(f"{path} is damaged: zarr.json: {first_line(error)}") from None
     except (KeyError, TypeError):
         ours = False
     if not ours:
@@ -105,9 +106,10 @@ def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, Factor
     attributes = read_attributes(path)
     try:
         config = FactoryConfig.from_plain(attributes["config"])
-        return zarr.open_group(path, mode=mode, zarr_format=3), config
+        store = AsideStore(path, read_only=mode == "r")
+        return zarr.open_group(store, mode=mode, zarr_format=3), config
     except (ConfigError, KeyError, TypeError, ValueError, OSError) as error:
-        raise StoreError(f"{path} is damaged: {_line(error)}") from None
+        raise StoreError(f"{path} is damaged: {first_line(error)}") from None
 
 
 def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
@@ -119,7 +121,7 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     try:
         array = root[path]
     except (KeyError, TypeError, ValueError, OSError) as error:
-        raise StoreError(f"{_where(root)} is damaged: array {path}: {_line(error)}") from None
+        raise StoreError(f"{_where(root)} is damaged: array {path}: {first_line(error)}") from None
     if not isinstance(array, zarr.Array):
         raise StoreError(f"{_where(root)} is damaged: {path} is no array")
     return array
@@ -134,7 +136,7 @@ def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:
     try:
         return np.asarray(array[selection])
     except Exception as error:  # decoders of damaged bytes raise whatever they like
-        what = f"{array.path}{_span(selection)} cannot be read: {_line(error)}"
+        what = f"{array.path}{_span(selection)} cannot be read: {first_line(error)}"
         raise StoreError(f"{_where(array)}: {what}") from None
 
 
@@ -149,7 +151,8 @@ def _where(node: zarr.Group | zarr.Array[Any]) -> str:
     return str(node.store).removeprefix("file://")
 
 
-def _line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """Return an error's text for a message of one line."""
     text = str(error).strip() or type(error).__name__
     return text.splitlines()[0]
 

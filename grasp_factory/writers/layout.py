@@ -15,12 +15,10 @@ from grasp_factory.config import FactoryConfig
 # together, per episode: zstd 3 57 KiB in 0.8 ms, blosc zstd 3 with byte-shuffle 47 KiB in 1.3 ms,
 # with bitshuffle 61 KiB. The 10 KiB that byte-shuffle saves, of about 310 KiB with the images, are
 # not worth a second codec.
-ZSTD_LEVEL = 3
+ZSTD_LEVEL = 1
 
 # Chunk files are named 3.0.0 instead of c/3/0/0: no directory per shard, one fsync makes all
-# names of an array durable, and the block's number leads every file name, also while LocalStore
-# writes it aside as 3.0.<uuid>.partial. (With "c.3", a one-dimensional array's aside file would be
-# c.<uuid>.partial, which tells nobody whose it is.)
+# names of an array durable, and the block's number leads every file name.
 KEYS = {"name": "v2", "separator": "."}
 
 # An empty chunk is written like any other. Left out, it would read back as the fill value, and
@@ -93,15 +91,10 @@ def attributes(row: schema.Field) -> dict[str, Any]:
     return out
 
 
-def shard_numbers(row: schema.Field, block: int, rows: range) -> range:
-    """Return the numbers that lead the names of a field's files of a block, whose rows these are.
+def block_files(store: Path, row: schema.Field, block: int, rows: range) -> list[Path]:
+    """Return the files that hold a block of a field, whose rows these are.
 
-    They count blocks; those of videos count episodes.
+    They are numbered by blocks; those of videos by episodes.
     """
-    return rows if row.is_video else range(block, block + 1)
-
-
-def files_of(array_dir: Path, numbers: range) -> list[Path]:
-    """Return an array's files with these numbers, half-written ones included."""
-    heads = {str(number) for number in numbers}
-    return sorted(p for p in array_dir.iterdir() if p.name.partition(".")[0] in heads)
+    numbers = rows if row.is_video else range(block, block + 1)
+    return [store / row.path / f"{number}{'.0' * len(row.dims)}" for number in numbers]

@@ -19,11 +19,12 @@ import zarr
 from grasp_factory import schema
 from grasp_factory.config import FactoryConfig, first_difference
 from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.writers.aside import aside
+from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.files import cannot_write, fsync, fsync_tree, locate
 from grasp_factory.writers.header import (
     open_array,
     open_store,
-    read_array,
     read_attributes,
     root_attributes,
 )
@@ -97,10 +98,9 @@ def pending_blocks(path: Path, n: int) -> list[int]:
         StoreMismatchError: if there is no store.
         StoreError: if it is damaged.
     """
-    root, config = open_store(path, mode="r")
-    status = open_array(root, schema.STATUS.path)
-    missing = np.flatnonzero(read_array(status, slice(0, n)) == 0)
-    return [int(block) for block in np.unique(missing // config.block_size)]
+    columns = Columns.open(path)
+    missing = np.flatnonzero(columns.read("status")["status"][:n] == 0)
+    return [int(block) for block in np.unique(missing // columns.config.block_size)]
 
 
 def _is_free(target: Path) -> bool:
@@ -198,8 +198,7 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     for row, array in arrays.items():
         _check_layout(path, row, array, shape(row, config, joints, n))
     for row, array in arrays.items():
-        for leftover in (path / row.path).glob("zarr.*.partial"):
-            leftover.unlink()
+        aside(path / row.path / "zarr.json").unlink(missing_ok=True)
         if array.shape[0] != n:
             array.resize(shape(row, config, joints, n))
             fsync([path / row.path / "zarr.json", path / row.path])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,13 @@ from grasp_factory import schema
 from grasp_factory.episode import Episode
 from grasp_factory.errors import StoreError
 from grasp_factory.schema import Field
+from grasp_factory.writers.aside import aside
 from grasp_factory.writers.base import Quarantined, Writer, check_rows
-from grasp_factory.writers.files import fsync
+from grasp_factory.writers.encoding import packed_chunk, packed_shard
+from grasp_factory.writers.files import fsync, write_aside
 from grasp_factory.writers.header import open_array, open_store
-from grasp_factory.writers.layout import RUNTIME, files_of, shard_numbers
+from grasp_factory.writers.layout import ZSTD_LEVEL, block_files
+from grasp_factory.writers.packed import unpack_block
 
 COMMITTED, QUARANTINED = 1, 2
 _NOT_IN_AN_EPISODE = ("episodes/status", "episodes/checksum", "episodes/error")
@@ -43,9 +46,7 @@ class ZarrWriter(Writer):
         self.path = Path(path)
         root, config = open_store(self.path, mode="r+")
         self._fields = schema.expand(config)
-        self._arrays = {
-            row.path: open_array(root, row.path).with_config(RUNTIME) for row in self._fields
-        }
+        self._arrays = {row.path: open_array(root, row.path) for row in self._fields}
         self.block_size = config.block_size
         self.length = self._arrays[schema.STATUS.path].shape[0]
 
@@ -59,11 +60,9 @@ class ZarrWriter(Writer):
         values = [self._values(row) for row in rows]
         self._clear(block)
         data = [field for field in self._fields if field != schema.STATUS]
-        for field in data:
-            self._write(field, start, values)
-        fsync(self._files(block, data))
-        self._write(schema.STATUS, start, values)
-        fsync(self._files(block, [schema.STATUS]))
+        for fields in (data, [schema.STATUS]):
+            written = [file for field in fields for file in self._write(field, block, values)]
+            fsync([*written, *(self.path / field.path for field in fields)])
 
     def _values(self, row: Episode | Quarantined) -> Values:
         if isinstance(row, Quarantined):
@@ -97,41 +96,57 @@ class ZarrWriter(Writer):
                 )
 
     def _clear(self, block: int) -> None:
-        markers = self.path / schema.STATUS.path
-        committed = self._files_of(schema.STATUS, block)
-        for file in committed:
-            file.unlink()
-        if committed:  # durable before the data goes: a power cut must not leave the marker alone
-            fsync([markers])
+        unpack_block(self.path, block)
+        marker = self._files_of(schema.STATUS, block)[0]
+        if marker.exists():
+            marker.unlink()
+            # Durable before the data goes: a power cut must not leave the marker alone.
+            fsync([marker.parent])
         for row in self._fields:
             for file in self._files_of(row, block):
-                file.unlink()
+                file.unlink(missing_ok=True)
+                aside(file).unlink(missing_ok=True)
 
-    def _write(self, row: Field, start: int, values: Sequence[Values]) -> None:
-        array = self._arrays[row.path]
-        if row.is_video:
-            for i, value in enumerate(values, start):
-                if len(value.get(row.path, ())):
-                    array[i, : len(value[row.path])] = value[row.path]
-            return
-        stop = min(start + self.block_size, self.length)
-        dtype = np.dtypes.StringDType() if row.dtype == "string" else np.dtype(row.dtype)
-        whole = np.full((stop - start, *array.shape[1:]), row.fill, dtype)
+    def _write(self, row: Field, block: int, values: Sequence[Values]) -> list[Path]:
+        """Write a field's files of a block and return them."""
+        files = self._files_of(row, block)
+        if not row.is_video:
+            write_aside(files[0], self._packed(row, [value.get(row.path) for value in values]))
+            return files
+        written = []
+        for file, value in zip(files, values, strict=False):
+            frames = value.get(row.path, ())
+            if len(frames):
+                room = self._arrays[row.path].shape[1]
+                write_aside(file, packed_shard(list(frames), room, ZSTD_LEVEL))
+                written.append(file)
+        return written
+
+    def _packed(self, row: Field, values: Sequence[NDArray[Any] | None]) -> bytes:
+        """Return the bytes of a block; where there is no value, or it ends early, is the fill."""
+        room = self._arrays[row.path].shape[1:]
+        if row.is_image:
+            nothing = np.full(room, row.fill, row.dtype)
+            frames = [f for value in values for f in (nothing if value is None else value)]
+            return packed_shard(frames, self.block_size * room[0], ZSTD_LEVEL)
+        if row.length_column:
+            series = [_padded(value, room, row) for value in values]
+            return packed_shard(series, self.block_size, ZSTD_LEVEL)
+        is_text = row.dtype == "string"
+        column = np.full((self.block_size, *room), row.fill, object if is_text else row.dtype)
         for i, value in enumerate(values):
-            if row.path not in value:
-                continue
-            if row.length_column:
-                whole[i, : len(value[row.path])] = value[row.path]
-            else:
-                whole[i] = value[row.path]
-        array[start:stop] = whole
-
-    def _files(self, block: int, fields: Sequence[Field]) -> Iterator[Path]:
-        for row in fields:
-            yield from self._files_of(row, block)
-            yield self.path / row.path
+            if value is not None:
+                column[i] = value.tolist() if is_text else value
+        return packed_chunk(column, ZSTD_LEVEL)
 
     def _files_of(self, row: Field, block: int) -> list[Path]:
         start = block * self.block_size
         rows = range(start, min(start + self.block_size, self.length))
-        return files_of(self.path / row.path, shard_numbers(row, block, rows))
+        return block_files(self.path, row, block, rows)
+
+
+def _padded(value: NDArray[Any] | None, room: tuple[int, ...], row: Field) -> NDArray[Any]:
+    whole = np.full(room, row.fill, row.dtype)
+    if value is not None:
+        whole[: len(value)] = value
+    return whole

@@ -1,0 +1,112 @@
+"""Chunks of the store's own layout, decoded without Zarr's machinery, which costs more than they.
+
+Damaged bytes raise whatever the decoders like, or give other values; they never reach beyond the
+array that is filled.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import google_crc32c
+import numpy as np
+from numcodecs import zstd  # type: ignore[import-untyped]
+from numcodecs.vlen import VLenUTF8  # type: ignore[import-untyped]
+from numpy.typing import NDArray
+
+_ABSENT = 2**64 - 1
+"""Offset and length, in a shard's index, of a chunk that was never written."""
+_CHECKSUM_BYTES = 4
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_VLEN = VLenUTF8()
+
+
+def unpack(data: bytes, out: NDArray[Any]) -> None:
+    """Decompress a chunk of numbers into ``out``, which is contiguous and just as large."""
+    size = _content_size(data)
+    if size not in (None, out.nbytes):
+        raise ValueError(f"a chunk of {size} bytes, valid: {out.nbytes}")
+    zstd.decompress(data, out)
+
+
+def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return a chunk of words as an array of numpy's ``StringDType``."""
+    content, count = zstd.decompress(data), int(np.prod(shape))
+    if int.from_bytes(content[:4], "little") != count:
+        raise ValueError(f"a chunk of another number of words than {count}")
+    words: NDArray[Any] = _VLEN.decode(content)
+    return words.reshape(shape).astype(np.dtypes.StringDType())
+
+
+class Shard:
+    """A shard file, opened for reading; its index is at the end, followed by a checksum of it."""
+
+    def __init__(self, file: str | Path, chunks: int) -> None:
+        """Open the shard of so many chunks.
+
+        Raises:
+            OSError: if there is none.
+            ValueError: if the index is not the one that was written.
+        """
+        self._descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            self._index = self._read_index(chunks)
+        except BaseException:
+            os.close(self._descriptor)
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        os.close(self._descriptor)
+
+    def read(self, chunk: int, out: NDArray[Any]) -> bool:
+        """Decompress a chunk into ``out``; return whether it is there.
+
+        Raises:
+            ValueError: if it lies beyond the file's end, or is of another size.
+        """
+        offset, length = self._index[chunk]
+        if offset == length == _ABSENT:
+            return False
+        if offset + length > self._data_bytes:
+            raise ValueError(f"a chunk at {offset} of {length} bytes, valid: {self._data_bytes}")
+        unpack(os.pread(self._descriptor, length, offset), out)
+        return True
+
+    def _read_index(self, chunks: int) -> list[list[int]]:
+        length = 16 * chunks + _CHECKSUM_BYTES
+        self._data_bytes = os.fstat(self._descriptor).st_size - length
+        if self._data_bytes < 0:
+            raise ValueError(f"a shard without an index of {length} bytes")
+        tail = os.pread(self._descriptor, length, self._data_bytes)
+        index, stored = tail[:-_CHECKSUM_BYTES], tail[-_CHECKSUM_BYTES:]
+        if google_crc32c.value(index) != int.from_bytes(stored, "little"):
+            raise ValueError("a shard whose index does not match its checksum")
+        return np.frombuffer(index, "<u8").reshape(chunks, 2).tolist()
+
+
+def _content_size(frame: bytes) -> int | None:
+    """Return the size that a zstd frame's header gives (RFC 8878, 3.1.1.1), None where it does not.
+
+    The decoder takes a smaller content than asked for, and would leave the rest of ``out`` as is.
+    """
+    if len(frame) < 6 or not frame.startswith(_ZSTD_MAGIC):
+        raise ValueError("a chunk that is not zstd")
+    descriptor = frame[4]
+    is_single, size_flag = descriptor >> 5 & 1, descriptor >> 6
+    width = (is_single, 2, 4, 8)[size_flag]
+    if not width:
+        return None
+    start = 5 + (not is_single) + (0, 1, 2, 4)[descriptor & 3]
+    # A field of two bytes counts from 256 on: smaller sizes have a field of one.
+    return int.from_bytes(frame[start : start + width], "little") + (256 if width == 2 else 0)

@@ -1,0 +1,61 @@
+"""How large a store is, without looking at each of its files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from grasp_factory import schema
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.layout import block_files
+from grasp_factory.writers.packed import BYTES, segments
+
+
+def store_bytes(columns: Columns) -> int:
+    """Return the bytes of a store: of its committed blocks, its metadata and all else in it.
+
+    A packed segment knows those of its blocks. What runs leave that were killed is not counted.
+    """
+    loose, total = columns.blocks(), 0
+    for segment in segments(columns.path):
+        packed = segment.read([BYTES])
+        if packed and segment.is_in(loose):
+            loose[segment.place] = False
+            total += int(packed[BYTES])
+    paths = {row.path for row in schema.expand(columns.config)}
+    arrays = {str(columns.path / path) for path in paths}
+    metadata = sum(_size(Path(array) / "zarr.json") for array in arrays)
+    beside = _bytes_beside(columns.path, arrays)
+    return total + bytes_of_blocks(columns, np.flatnonzero(loose).tolist()) + metadata + beside
+
+
+def bytes_of_blocks(columns: Columns, blocks: Iterable[int]) -> int:
+    """Return the bytes of all files of some blocks, of every array."""
+    fields, total = schema.expand(columns.config), 0
+    for block in blocks:
+        rows = range(*columns.rows(block))
+        for row in fields:
+            total += sum(map(_size, block_files(columns.path, row, block, rows)))
+    return total
+
+
+def _bytes_beside(folder: Path, arrays: set[str]) -> int:
+    """Return the bytes of what is below a folder, but not in one of these arrays."""
+    total = 0
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                total += 0 if entry.path in arrays else _bytes_beside(Path(entry.path), arrays)
+            else:
+                total += entry.stat().st_size
+    return total
+
+
+def _size(file: Path) -> int:
+    try:
+        return os.stat(file).st_size
+    except FileNotFoundError:
+        return 0

@@ -1,0 +1,232 @@
+"""Arrays of a store, read by rows: straight from the files that this package writes."""
+
+from __future__ import annotations
+
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence, Set
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+from zarr.codecs import (
+    BytesCodec,
+    Crc32cCodec,
+    Endian,
+    ShardingCodec,
+    ShardingCodecIndexLocation,
+    VLenUTF8Codec,
+    ZstdCodec,
+)
+from zarr.core.chunk_key_encodings import V2ChunkKeyEncoding
+from zarr.core.metadata import ArrayV3Metadata
+
+from grasp_factory.errors import StoreError
+from grasp_factory.writers.chunks import Shard, unpack, unpack_words
+from grasp_factory.writers.header import first_line, open_array, read_array
+
+
+class StoredArray(ABC):
+    """An array of a store, its first dimension the episodes. What is missing is its fill value.
+
+    Attributes:
+        zarr: the array as Zarr opened it.
+    """
+
+    def __init__(self, array: zarr.Array[Any]) -> None:
+        self.zarr = array
+
+    @abstractmethod
+    def read(self, start: int, stop: int) -> NDArray[Any]:
+        """Return rows ``start`` to ``stop`` - 1, (stop - start, ...).
+
+        Raises:
+            StoreError: naming them, if they are damaged.
+        """
+
+    @abstractmethod
+    def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
+        """Return the values at ``frame`` of the second dimension, (K, ...), in the order of rows.
+
+        Raises:
+            StoreError: naming the row, if one is damaged.
+        """
+
+
+def open_arrays(
+    root: zarr.Group, folder: Path, paths: Iterable[str], needed: Set[str]
+) -> dict[str, StoredArray]:
+    """Return the arrays of a store by path; those that are not needed may be missing.
+
+    A store that was made before an array was added to the schema lacks it.
+
+    Raises:
+        StoreError: if one that is needed is missing, or one is damaged.
+    """
+    there = [p for p in paths if p in needed or (folder / p / "zarr.json").exists()]
+    return {p: stored(open_array(root, p), folder / p) for p in there}
+
+
+def stored(array: zarr.Array[Any], folder: Path) -> StoredArray:
+    """Return the quickest reader of the array that lies in ``folder``."""
+    metadata, shape = array.metadata, array.shape
+    if not isinstance(metadata, ArrayV3Metadata) or not _has_our_keys(metadata):
+        return ThroughZarr(array)
+    match metadata.codecs:
+        case (BytesCodec(endian=None | Endian.little) | VLenUTF8Codec(), ZstdCodec()) if (
+            array.chunks[1:] == shape[1:]
+        ):
+            return ColumnFiles(array, folder)
+        case (
+            ShardingCodec(
+                codecs=(BytesCodec(endian=None | Endian.little), ZstdCodec()),
+                index_codecs=(BytesCodec(endian=Endian.little), Crc32cCodec()),
+                index_location=ShardingCodecIndexLocation.end,
+            ),
+        ) if array.shards and array.shards[1:] == shape[1:] and _has_whole_pieces(array):
+            return ShardFiles(array, folder)
+    return ThroughZarr(array)
+
+
+def _has_our_keys(metadata: ArrayV3Metadata) -> bool:
+    """Say whether chunks are named as ours, and numbers are as this machine has them."""
+    keys = metadata.chunk_key_encoding
+    return sys.byteorder == "little" and keys == V2ChunkKeyEncoding(separator=".")
+
+
+def _has_whole_pieces(array: zarr.Array[Any]) -> bool:
+    """Say whether a chunk is an episode's values, or those of one of its frames."""
+    return array.chunks in [(1, *array.shape[1:]), (1, 1, *array.shape[2:])]
+
+
+class ThroughZarr(StoredArray):
+    """Any layout, as of a store that another tool has packed anew."""
+
+    def read(self, start: int, stop: int) -> NDArray[Any]:
+        """See ``StoredArray.read``."""
+        return read_array(self.zarr, slice(start, stop))
+
+    def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
+        """See ``StoredArray.read_frames``."""
+        out = np.empty((len(rows), *self.zarr.shape[2:]), self.zarr.dtype)
+        for k, row in enumerate(rows):
+            out[k] = read_array(self.zarr, slice(row, row + 1), frame)[0]
+        return out
+
+
+class _OurFiles(StoredArray, ABC):
+    """One file for a number of rows, named by its number and a 0 for each further dimension."""
+
+    def __init__(self, array: zarr.Array[Any], folder: Path, rows: int) -> None:
+        super().__init__(array)
+        self._head, self._tail = f"{folder}/", ".0" * (array.ndim - 1)
+        self._file_rows = rows
+        self._dtype, self._shape = array.dtype, array.shape[1:]
+        self._fill = array.fill_value
+
+    def read(self, start: int, stop: int) -> NDArray[Any]:
+        """See ``StoredArray.read``."""
+        size = self._file_rows
+        out = np.empty((max(stop - start, 0), *self._shape), self._dtype)
+        for file in range(start // size, -(-stop // size)) if start < stop else ():
+            first, last = max(start, file * size), min(stop, (file + 1) * size)
+            with self._naming(first, last):
+                self._read_file(file, first - file * size, out[first - start : last - start])
+        return out
+
+    @abstractmethod
+    def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
+        """Fill ``out`` with rows of a file, from its row ``first`` on."""
+
+    def _name(self, file: int) -> str:
+        return f"{self._head}{file}{self._tail}"
+
+    @contextmanager
+    def _naming(self, start: int, stop: int) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:  # decoders of damaged bytes raise whatever they like
+            array = self.zarr
+            where = str(array.store).removeprefix("file://")
+            what = f"{array.path} of episodes {start} to {stop - 1} cannot be read"
+            raise StoreError(f"{where}: {what}: {first_line(error)}") from None
+
+
+class ColumnFiles(_OurFiles):
+    """One chunk a file."""
+
+    def __init__(self, array: zarr.Array[Any], folder: Path) -> None:
+        super().__init__(array, folder, array.chunks[0])
+        self._is_text = array.dtype.kind == "T"
+        self._chunk = array.chunks
+
+    def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
+        """See ``StoredArray.read_frames``."""
+        return _row_by_row(self, rows, frame)
+
+    def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
+        try:
+            with open(self._name(file), "rb", buffering=0) as opened:
+                data = opened.read()
+        except FileNotFoundError:
+            out[...] = self._fill
+            return
+        if self._is_text:
+            whole = unpack_words(data, self._chunk)
+        else:
+            whole = np.empty(self._chunk, self._dtype)
+            unpack(data, whole)
+        out[...] = whole[first : first + len(out)]
+
+
+def _row_by_row(array: StoredArray, rows: Sequence[int], frame: int) -> NDArray[Any]:
+    out = np.empty((len(rows), *array.zarr.shape[2:]), array.zarr.dtype)
+    for k, row in enumerate(rows):
+        out[k] = array.read(row, row + 1)[0, frame]
+    return out
+
+
+class ShardFiles(_OurFiles):
+    """Many chunks a file: one for each episode, or for each of its frames."""
+
+    def __init__(self, array: zarr.Array[Any], folder: Path) -> None:
+        assert array.shards
+        super().__init__(array, folder, array.shards[0])
+        self._pieces = array.shape[1] // array.chunks[1] if array.ndim > 1 else 1
+        """Chunks of an episode."""
+
+    def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
+        """See ``StoredArray.read_frames``. Opens each file once."""
+        if self._pieces != self._shape[0]:  # a chunk holds all of an episode
+            return _row_by_row(self, rows, frame)
+        out = np.empty((len(rows), *self._shape[1:]), self._dtype)
+        size = self._file_rows
+        of_file: dict[int, list[int]] = {}
+        for k, row in enumerate(rows):
+            of_file.setdefault(row // size, []).append(k)
+        for file, places in of_file.items():
+            within = [rows[k] for k in places]
+            with self._naming(min(within), max(within) + 1):
+                numbers = [row % size * self._pieces + frame for row in within]
+                self._read_pieces(file, numbers, [out[k] for k in places])
+        return out
+
+    def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
+        count = self._pieces
+        pieces = out.reshape(len(out) * count, -1)
+        self._read_pieces(file, range(first * count, first * count + len(pieces)), pieces)
+
+    def _read_pieces(
+        self, file: int, numbers: Sequence[int], out: Sequence[NDArray[Any]] | NDArray[Any]
+    ) -> None:
+        try:
+            with Shard(self._name(file), self._file_rows * self._pieces) as shard:
+                for number, piece in zip(numbers, out, strict=True):
+                    if not shard.read(number, piece):
+                        piece[...] = self._fill
+        except FileNotFoundError:
+            for piece in out:
+                piece[...] = self._fill
