@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,8 @@ from grasp_factory.scene import Scene, look
 from grasp_factory.sections import CLOSING_SETTLE_S
 from grasp_factory.sensors import SENSORS, Tick, Video, WristImu
 from grasp_factory.shaking import plan_shake
-from grasp_factory.world import Row
+from grasp_factory.stepping import Stepping
+from grasp_factory.world import Row, wake
 
 STALLED_SPEED = 0.001
 """m/s: fingers slower than this have come to rest."""
@@ -32,11 +33,15 @@ class Attempt:
             make(scene.world, scene.robot, scene.objects, scene.label_of)
             for make in SENSORS.values()
         ]
-        physics = scene.spec.physics
+        spec, physics = scene.spec, scene.spec.physics
         # Simulation time counts in a unit that both kinds of step are whole multiples of, so that
         # records fall on one even grid, wherever a motion begins or ends.
         self._clock, self._clock_hz = 0, math.lcm(physics.free_hz, physics.contact_hz)
-        self._joint_targets: list[float] = list(scene.robot.model.home)
+        self._record_every, self._imu_every = (
+            self._clock_hz // hz for hz in (spec.record_hz, spec.imu_hz)
+        )
+        self._video_every = self._clock_hz // spec.video_hz if spec.video_hz else 0
+        self._joint_targets: Sequence[float] = list(scene.robot.model.home)
         self._width_target = scene.robot.model.gripper.max_width
         self._shake_level = 0.0
         self._video = Video(lambda: look(scene))
@@ -56,6 +61,7 @@ class Attempt:
             width: Metres between the pads on the approach.
         """
         spec, opened = self._scene.spec, self._width_target
+        self._set_stepping(spec.physics.free)
         self._follow(Phase.PREGRASP, motion.transfer, (opened, width))
         if self.touched is None:
             self._follow(Phase.APPROACH, motion.approach, (width, width))
@@ -63,7 +69,7 @@ class Attempt:
             return
         self.has_closed = True
         self._close()
-        self._follow_gripping(Phase.LIFT, sample(motion.lift, *self._gripping_rates))
+        self._follow_gripping(Phase.LIFT, sample(motion.lift, self._hz, spec.physics.control_hz))
         if self._pads_touch_target():
             self._wait(Phase.HOLD, spec.motion.hold_s)
         for level in spec.shake.levels:
@@ -88,41 +94,33 @@ class Attempt:
             out |= sensor.streams()
         return out
 
-    @property
-    def _gripping_rates(self) -> tuple[int, int]:
-        """Physics and control rate, Hz, from the closing on."""
-        return self._scene.spec.physics.contact_hz, self._scene.spec.physics.control_hz
-
     def _follow(self, phase: Phase, segment: JointSegment, width: tuple[float, float]) -> None:
         """Move the arm and open or close the gripper freely, until something is touched."""
-        hz = self._scene.spec.physics.free_hz
-        self._scene.world.set_rate(hz)
-        trajectory = sample(segment, hz, self._scene.spec.physics.control_hz)
+        trajectory = sample(segment, self._hz, self._scene.spec.physics.control_hz)
         progress = np.linspace(0.0, 1.0, len(trajectory.positions) + 1)[1:]
         widths = (width[0] + (width[1] - width[0]) * progress).tolist()
         targets = zip(trajectory.positions.tolist(), trajectory.velocities.tolist(), strict=True)
         for (positions, velocities), opening in zip(targets, widths, strict=True):
             self._joint_targets, self._width_target = positions, opening
-            self._scene.robot.command(positions, velocities, opening, hz)
-            self._step(phase, hz)
+            self._scene.robot.command(positions, velocities, opening, self._hz)
+            self._step(phase)
             self.touched = self._unexpected_contact()
             if self.touched is not None:
                 return
 
     def _follow_gripping(self, phase: Phase, trajectory: Trajectory) -> None:
-        hz = self._scene.spec.physics.contact_hz
         targets = zip(trajectory.positions.tolist(), trajectory.velocities.tolist(), strict=True)
         for positions, velocities in targets:
             self._joint_targets = positions
-            self._scene.robot.command_arm(positions, velocities, hz)
-            self._step(phase, hz)
+            self._scene.robot.command_arm(positions, velocities, self._hz)
+            self._step(phase)
 
     def _shake(self, level: float) -> None:
         """Go through the motions of one level, until the target is lost."""
         self._shake_level = level
         robot, posture = self._scene.robot, np.array(self._joint_targets)
-        shake = self._scene.spec.shake
-        for motion in plan_shake(robot.chain, posture, level, shake, self._gripping_rates):
+        shake, rates = self._scene.spec.shake, (self._hz, self._scene.spec.physics.control_hz)
+        for motion in plan_shake(robot.chain, posture, level, shake, rates):
             self._follow_gripping(Phase.SHAKE, motion)
             if not self._pads_touch_target():
                 return
@@ -130,10 +128,7 @@ class Attempt:
     def _close(self) -> None:
         """Close until the fingers stand still."""
         settings, physics = self._scene.spec.motion, self._scene.spec.physics
-        robot, hz = self._scene.robot, physics.contact_hz
-        self._scene.world.set_rate(hz)
-        robot.command_arm(self._joint_targets, [0.0] * len(self._joint_targets), hz)
-        robot.command_grip(settings.closing_speed, settings.grip_force)
+        robot = self._scene.robot
         self._width_target = 0.0
         slow_for, needed = 0, STALLED_S * physics.control_hz
 
@@ -145,45 +140,76 @@ class Attempt:
         gripper = robot.model.gripper
         speed = min(settings.closing_speed, gripper.max_finger_speed)
         longest = gripper.max_width / 2.0 / speed + CLOSING_SETTLE_S
-        self._wait(Phase.CLOSE, longest, is_stalled)
+        self._grip(physics.free)
+        passed = self._wait(Phase.CLOSE, longest, lambda: self._is_near() or is_stalled())
+        wake(self._scene.world, self._scene.objects)
+        self._grip(physics.contact)
+        self._wait(Phase.CLOSE, longest - passed, is_stalled)
+
+    def _grip(self, stepping: Stepping) -> None:
+        """Squeeze, with the arm where it is, stepping like this from here on.
+
+        The engine turns a motor's force into an impulse per step when it is commanded, so all
+        motors are told again when the rate changes.
+        """
+        robot, settings = self._scene.robot, self._scene.spec.motion
+        self._set_stepping(stepping)
+        robot.command_arm(self._joint_targets, [0.0] * len(self._joint_targets), self._hz)
+        robot.command_grip(settings.closing_speed, settings.grip_force)
 
     def _wait(
         self, phase: Phase, seconds: float, is_over: Callable[[], bool] = lambda: False
-    ) -> None:
-        """Stand still for a time, or until ``is_over``, asked at the control rate, says so."""
-        hz, control_hz = self._gripping_rates
-        for _ in range(math.ceil(seconds * control_hz)):
-            for _ in range(hz // control_hz):
-                self._step(phase, hz)
-            if is_over():
-                return
+    ) -> float:
+        """Let a time (s) pass, or until ``is_over``, asked at the control rate, says so.
 
-    def _step(self, phase: Phase, hz: int) -> None:
+        Returns:
+            The seconds that have passed.
+        """
+        control_hz = self._scene.spec.physics.control_hz
+        periods = math.ceil(seconds * control_hz)
+        for period in range(1, periods + 1):
+            for _ in range(self._hz // control_hz):
+                self._step(phase)
+            if is_over():
+                return period / control_hz
+        return periods / control_hz
+
+    def _set_stepping(self, stepping: Stepping) -> None:
+        self._hz, self._ticks = stepping.hz, self._clock_hz // stepping.hz
+        self._scene.world.set_stepping(stepping)
+
+    def _step(self, phase: Phase) -> None:
         """Make a step, and sample what is due after it."""
+        self._clock += self._ticks
+        is_record = self._clock % self._record_every == 0
+        if is_record:
+            self._scene.robot.listen(True)
         self._scene.world.step()
-        self._clock += self._clock_hz // hz
-        time = self._clock / self._clock_hz
-        if self._is_due(self._scene.spec.imu_hz):
-            self._imu.sample(time)
-        if self._scene.spec.video_hz and self._is_due(self._scene.spec.video_hz):
-            self._video.sample(time)
-        if not self._is_due(self._scene.spec.record_hz):
-            return
-        contacts = self._scene.world.contacts()
+        if self._clock % self._imu_every == 0:
+            self._imu.sample(self._clock / self._clock_hz)
+        if self._video_every and self._clock % self._video_every == 0:
+            self._video.sample(self._clock / self._clock_hz)
+        if is_record:
+            self._record(phase)
+            self._scene.robot.listen(False)
+
+    def _record(self, phase: Phase) -> None:
+        """Sample every sensor of the streams."""
+        body = self._scene.robot.body
+        contacts = [c for c in self._scene.world.contacts() if body in (c[1], c[2])]
         self._watch_table(contacts)
         tick = Tick(
-            timestamp=time,
+            timestamp=self._clock / self._clock_hz,
             phase=phase,
             joint_position_targets=self._joint_targets,
             gripper_width_target=self._width_target,
             shake_level=self._shake_level,
+            joints=self._scene.robot.joint_states(),
+            frames=self._scene.robot.frames(),
             contacts=contacts,
         )
         for sensor in self._sensors:
             sensor.sample(tick)
-
-    def _is_due(self, hz: int) -> bool:
-        return self._clock % (self._clock_hz // hz) == 0
 
     def _watch_table(self, contacts: Iterable[Row]) -> None:
         """Note how deep the robot is in the table at this record; its foot stands there."""
@@ -202,6 +228,11 @@ class Attempt:
                 other = (c[2], c[4]) if c[1] == body else (c[1], c[3])
                 return self._scene.label_of(*other)
         return None
+
+    def _is_near(self) -> bool:
+        """Return whether the robot touches anything, or is within the engine's margin of it."""
+        body = self._scene.robot.body
+        return any(body in (c[1], c[2]) for c in self._scene.world.contacts())
 
     def _pads_touch_target(self) -> bool:
         """Return whether any pad touches the target."""

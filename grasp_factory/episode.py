@@ -21,10 +21,10 @@ from grasp_factory.sections import (
     CameraConfig,
     LabelConfig,
     MotionConfig,
-    PhysicsConfig,
     ShakeConfig,
     WorkspaceConfig,
 )
+from grasp_factory.stepping import PhysicsConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,7 @@ from grasp_factory.sections import WorkspaceConfig
 from grasp_factory.sensors import Render, develop, object_frame
 from grasp_factory.stage import Stage, set_stage
 from grasp_factory.visibility import visible_shares
-from grasp_factory.world import DATA, World
+from grasp_factory.world import DATA, World, put_to_sleep, wake
 
 WHITE = (1.0, 1.0, 1.0)
 """What a texture multiplies where neither recipe nor model has a colour."""
@@ -116,10 +116,16 @@ class Settled:
 def settle(scene: Scene) -> Settled:
     """Let the objects fall until all on the table are at rest, or the time for it is over.
 
+    They sleep from then on, if they are at rest.
+
     Raises:
         RecipeError: if the simulation diverged.
     """
+    put_to_sleep(scene.world, [scene.robot.body])
     poses, at_rest = _fall(scene)
+    wake(scene.world, [scene.robot.body])
+    if _is_calm(poses, at_rest):
+        put_to_sleep(scene.world, scene.objects)
     for recipe, pose in zip(scene.spec.objects, poses, strict=True):
         if not np.isfinite(pose).all():
             raise RecipeError(f"the simulation of {recipe.object_id} diverged: {pose[:3]}")
@@ -136,7 +142,7 @@ def _fall(scene: Scene) -> tuple[Array, NDArray[np.bool_]]:
         The poses (M, 7) of their centres of mass, and which of them are at rest, (M,).
     """
     world, physics, robot = scene.world, scene.spec.physics, scene.robot
-    world.set_rate(physics.free_hz)
+    world.set_stepping(physics.free)
     home, still = robot.model.home, [0.0] * len(robot.model.home)
     robot.command(home, still, robot.model.gripper.max_width, physics.free_hz)
     window = SETTLE_CHECKS_PER_WINDOW
@@ -149,9 +155,14 @@ def _fall(scene: Scene) -> tuple[Array, NDArray[np.bool_]]:
         poses.append(_poses(scene))
         if len(poses) > window:
             at_rest = _are_close(poses[-1 - window], poses[-1])
-        if (at_rest | (poses[-1][:, 2] < FELL_OFF)).all():
+        if _is_calm(poses[-1], at_rest):
             break
     return poses[-1], at_rest
+
+
+def _is_calm(poses: Array, at_rest: NDArray[np.bool_]) -> bool:
+    """Return whether all objects on the table are at rest."""
+    return bool((at_rest | (poses[:, 2] < FELL_OFF)).all())
 
 
 def _awaited(poses: Array, workspace: WorkspaceConfig) -> NDArray[np.bool_]:
@@ -189,8 +200,7 @@ def take_shots(scene: Scene) -> dict[str, Shot]:
 
 def look(scene: Scene) -> dict[str, tuple[Camera, Render]]:
     """Render what every camera sees."""
-    T_world_tcp = scene.robot.T_world_tcp()
-    return {name: scene.stage.look(name, T_world_tcp) for name in scene.spec.cameras}
+    return {name: scene.stage.look(name, scene.robot) for name in scene.spec.cameras}
 
 
 def observe(scene: Scene, images: Mapping[str, CameraImage]) -> SceneView:

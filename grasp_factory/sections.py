@@ -1,11 +1,10 @@
-"""The sections of a config: cameras, workspace, physics, motion, shake, label."""
+"""The sections of a config: cameras, workspace, motion, shake, label; ``physics`` has its own."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -125,40 +124,6 @@ class ClutterConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PhysicsConfig:
-    """The simulator's rates and solver."""
-
-    free_hz: int = 240
-    """Step rate while nothing is held: fall, transfer and approach."""
-    contact_hz: int = 960
-    """Step rate while the gripper touches: close, lift and hold. 240 Hz flatters labels."""
-    solver_iterations: int = 100
-    gravity: float = 9.81
-    """m/s2, along -z."""
-    settle_s: float = 3.0
-    """The longest time an object may take to come to rest, seconds."""
-
-    @property
-    def control_hz(self) -> int:
-        """Rate at which motions begin and end, Hz: both kinds of step fit into it."""
-        return math.gcd(self.free_hz, self.contact_hz)
-
-    def __post_init__(self) -> None:
-        check_range(self, "free_hz", 60, 10_000, "Hz")
-        check_range(self, "contact_hz", 60, 10_000, "Hz")
-        check_range(self, "solver_iterations", 1, 1000)
-        check_range(self, "gravity", 0.1, 30.0, "m/s2")
-        check_range(self, "settle_s", 0.1, 30.0, "s")
-
-
-PHYSICS_PRESETS: Mapping[str, Mapping[str, int]] = {
-    "default": {"contact_hz": PhysicsConfig().contact_hz},
-    "fast": {"contact_hz": 240},
-}
-"""By name: what differs from the default (docs/physics.md has what it costs)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class MotionConfig:
     """How an attempt is executed."""
 
@@ -168,13 +133,13 @@ class MotionConfig:
     """Peak TCP speed on the straight approach, m/s."""
     lift_height: float = 0.20
     """Metres, straight up."""
-    lift_speed: float = 0.40
+    lift_speed: float = 0.60
     """Peak TCP speed of the lift, m/s."""
     closing_speed: float = 0.10
     """Speed of each finger, m/s; the gripper's own greatest speed where that is less."""
     grip_force: float = 20.0
     """Force limit of each finger, N."""
-    hold_s: float = 0.5
+    hold_s: float = 0.3
     """Seconds the object must stay in the hand after the lift."""
     speed_scale: float = 0.9
     """Fraction of the robot's joint velocity limits that planned motion may use."""

@@ -8,7 +8,8 @@ import pytest
 from grasp_factory.geometry import Pose, inverse
 from grasp_factory.ik import solve_ik
 from grasp_factory.robots import ROBOTS, Robot, arm_chain
-from grasp_factory.sections import PhysicsConfig
+from grasp_factory.robots.make_link_hulls import HULLS, LINKS, MESHES, hull_text
+from grasp_factory.stepping import PhysicsConfig, Stepping
 from grasp_factory.world import World
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -33,7 +34,7 @@ class TestRobot:
         width = robot.model.gripper.max_width if width is None else width
         home = list(robot.model.home)
         robot.command(home, [0.0] * len(home), width, hz)
-        world.set_rate(hz)
+        world.set_stepping(Stepping(hz, 100, 1))
         for _ in range(round(seconds * hz)):
             world.step()
 
@@ -93,7 +94,7 @@ class TestRobot:
         box = world.add_box((0.015, 0.015, 0.015), T[:3, 3], (1, 1, 1, 1), mass=0.05)
         world.change_dynamics(box, -1, lateralFriction=0.5)
         world.seal()
-        world.set_rate(hz)
+        world.set_stepping(Stepping(hz, 100, 1))
         home = list(model.home)
         robot.command(home, [0.0] * len(home), 0.032, hz)
         robot.command_grip(speed=0.05, force=20.0)
@@ -158,3 +159,19 @@ class TestRobot:
         facts = ROBOTS[name].facts()
         assert json.loads(json.dumps(facts)) == facts
         assert facts["joint_names"] == list(ROBOTS[name].arm_joints)
+
+
+@pytest.mark.parametrize("link", LINKS)
+class TestLinkHulls:
+    def test_the_file_is_what_the_script_makes(self, link: str) -> None:
+        pytest.importorskip("trimesh")
+        assert (HULLS / f"{link}.obj").read_text(encoding="utf-8") == hull_text(link)
+
+    def test_it_is_the_meshs_hull_within_a_millimetre(self, link: str) -> None:
+        trimesh = pytest.importorskip("trimesh")
+        mesh = trimesh.load(MESHES / f"{link}.stl").vertices
+        hull = trimesh.load(HULLS / f"{link}.obj").vertices
+        ways = np.random.default_rng(0).normal(size=(2000, 3))
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        short = (mesh @ ways.T).max(axis=0) - (hull @ ways.T).max(axis=0)
+        assert -1e-4 < short.min() and short.max() < 0.0011

@@ -178,7 +178,7 @@ class TestOutcomes:
         assert episode.outcome is Outcome.SUCCESS
         assert episode.columns["lift_height"] == pytest.approx(0.2, abs=0.005)
         assert episode.columns["min_grip_force"] == pytest.approx(20.0, rel=0.05)
-        assert episode.columns["hold_duration"] == pytest.approx(0.5, abs=0.01)
+        assert episode.columns["hold_duration"] == pytest.approx(0.3, abs=0.01)
         assert episode.columns["slip_distance"] < 0.002
         assert episode.streams["reward"].sum() == 1.0
 

@@ -36,22 +36,25 @@ def grasped_cube():
         return run_episode(world, cube_spec())
 
 
-def tick(contacts=()):
-    return Tick(0.5, Phase.HOLD, [0.0] * 7, 0.05, 0.0, contacts)
+def tick(robot, contacts=()):
+    joints, frames = robot.joint_states(), robot.frames()
+    return Tick(0.5, Phase.HOLD, [0.0] * 7, 0.05, 0.0, joints, frames, contacts)
 
 
 @pytest.mark.parametrize("name", SENSORS)
 class TestSensor:
     def make(self, world, name):
         scene = build_scene(world, cube_spec())
-        return SENSORS[name](world, scene.robot, scene.objects, scene.label_of)
+        scene.robot.listen(True)
+        sensor = SENSORS[name](world, scene.robot, scene.objects, scene.label_of)
+        return sensor, scene.robot
 
     @pytest.mark.parametrize("samples", [0, 1, 7])
     def test_its_streams_are_those_of_the_schema(self, world, name, samples):
-        sensor = self.make(world, name)
+        sensor, robot = self.make(world, name)
         for _ in range(samples):
             world.step()
-            sensor.sample(tick(world.contacts()))
+            sensor.sample(tick(robot, world.contacts()))
         streams = sensor.streams()
         assert streams
         for stream, values in streams.items():
@@ -60,11 +63,11 @@ class TestSensor:
 
     def test_sampling_does_not_change_what_happens_next(self, world, name):
         def fall(with_sensor):
-            sensor = self.make(world, name)
+            sensor, robot = self.make(world, name)
             for _ in range(60):
                 world.step()
                 if with_sensor:
-                    sensor.sample(tick(world.contacts()))
+                    sensor.sample(tick(robot, world.contacts()))
             return world.joint_states(ROBOT, [0, 1]), world.com_frame(CUBE)
 
         assert fall(True) == fall(False)
@@ -88,16 +91,20 @@ class TestTactilePads:
     @pytest.fixture
     def setting(self, world):
         scene = build_scene(world, cube_spec())
-        pads = TactilePads(world, scene.robot, scene.label_of)
+        pads = TactilePads(scene.robot, scene.label_of)
+
+        def touch(*rows):
+            pads.sample(tick(scene.robot, rows))
+            return pads.streams()
+
         left, right = ((scene.robot.body, link) for link in scene.robot.pads)
         frames = world.link_frames(scene.robot.body, scene.robot.pads)
         T_world_pad = [Pose(*frame).matrix() for frame in frames]
-        return pads, left, right, (scene.objects[0], -1), T_world_pad
+        return touch, left, right, (scene.objects[0], -1), T_world_pad
 
     def test_the_force_is_on_the_pad_whichever_body_comes_first(self, setting):
-        pads, left, right, cube, T_world_pad = setting
-        pads.sample(tick((row(left, cube), row(cube, right))))
-        streams = pads.streams()
+        touch, left, right, cube, T_world_pad = setting
+        streams = touch(row(left, cube), row(cube, right))
         for pad, sign, at in ((0, 1.0, (0.1, 0.2, 0.3)), (1, -1.0, (0.4, 0.5, 0.6))):
             R = T_world_pad[pad][:3, :3]
             force = R @ streams["tactile_force"][0, pad, 0]
@@ -108,33 +115,30 @@ class TestTactilePads:
             assert point == pytest.approx(at, abs=1e-6)
 
     def test_the_wrench_is_the_sum_over_the_points_about_the_pads_centre(self, setting):
-        pads, left, _, cube, _ = setting
-        pads.sample(tick((row(left, cube, 2.0), row(cube, left, 3.0), row(left, cube, 5.0))))
-        streams = {k: v[0, 0].astype(float) for k, v in pads.streams().items()}
+        touch, left, _, cube, _ = setting
+        touched = touch(row(left, cube, 2.0), row(cube, left, 3.0), row(left, cube, 5.0))
+        streams = {k: v[0, 0].astype(float) for k, v in touched.items()}
         force, point = streams["tactile_force"][:3], streams["tactile_position"][:3]
         assert streams["tactile_wrench"][:3] == pytest.approx(force.sum(axis=0), abs=1e-5)
         moment = np.cross(point, force).sum(axis=0)
         assert streams["tactile_wrench"][3:] == pytest.approx(moment, abs=1e-5)
 
     def test_a_contact_says_what_it_is_with(self, setting):
-        pads, left, right, cube, _ = setting
-        pads.sample(tick((row(left, (1, -1)), row(right, cube))))
-        bodies = pads.streams()["tactile_body"][0]
+        touch, left, right, cube, _ = setting
+        bodies = touch(row(left, (1, -1)), row(right, cube))["tactile_body"][0]
         assert bodies[:, 0].tolist() == [Label.TABLE, Label.TARGET]
         assert (bodies[:, 1:] == 0).all()
 
     def test_contacts_without_force_or_without_a_pad_are_left_out(self, setting):
-        pads, left, _, cube, _ = setting
-        pads.sample(tick((row(left, cube, 0.0), row(cube, (1, -1)), row((left[0], 3), cube))))
-        streams = pads.streams()
+        touch, left, _, cube, _ = setting
+        streams = touch(row(left, cube, 0.0), row(cube, (1, -1)), row((left[0], 3), cube))
         assert np.isnan(streams["tactile_force"]).all()
         assert (streams["tactile_wrench"] == 0).all()
 
     def test_of_too_many_points_the_strongest_stay_and_the_wrench_has_all(self, setting):
-        pads, left, _, cube, T_world_pad = setting
+        touch, left, _, cube, T_world_pad = setting
         forces = [float(f) for f in np.random.default_rng(0).permutation(20) + 1]
-        pads.sample(tick(tuple(row(left, cube, f) for f in forces)))
-        streams = pads.streams()
+        streams = touch(*(row(left, cube, f) for f in forces))
         R = T_world_pad[0][:3, :3]
         kept = (streams["tactile_force"][0, 0] @ R.T)[:, 2]
         assert kept == pytest.approx(sorted(forces, reverse=True)[: schema.MAX_CONTACTS], abs=1e-5)
@@ -146,9 +150,9 @@ def test_what_the_hand_does_to_the_target_beside_the_pads_is_told_apart(world):
     sensor = SENSORS["hand"](world, scene.robot, scene.objects, scene.label_of)
     palm, pad = (scene.robot.body, 9), (scene.robot.body, scene.robot.pads[0])
     cube, table = (scene.objects[0], -1), (1, -1)
-    sensor.sample(tick((row(cube, palm), row(pad, cube), row(cube, table), row(palm, table))))
-    sensor.sample(tick((row(palm, cube),)))
-    sensor.sample(tick())
+    rows = (row(cube, palm), row(pad, cube), row(cube, table), row(palm, table))
+    for contacts in (rows, (row(palm, cube),), ()):
+        sensor.sample(tick(scene.robot, contacts))
     forces = sensor.streams()["hand_force"]
     assert forces.tolist() == [[0.5, 0.25, 2.0], [-0.5, -0.25, -2.0], [0.0, 0.0, 0.0]]
 
@@ -163,10 +167,11 @@ def test_without_contact_the_wrist_carries_the_tools_weight_at_its_centre_of_mas
     scene = build_scene(world, cube_spec(robot=robot))
     home = list(model.home)
     scene.robot.command(home, [0.0] * 7, model.gripper.max_width, 240)
+    scene.robot.listen(True)
     for _ in range(240):
         world.step()
     sensor = SENSORS["wrist"](world, scene.robot, scene.objects, scene.label_of)
-    sensor.sample(tick())
+    sensor.sample(tick(scene.robot))
     wrench = sensor.streams()["wrist_wrench"][0].astype(float)
     weight = scene.robot.T_world_tcp()[:3, :3].T @ [0, 0, -9.81 * model.tool_mass]
     assert wrench[:3] == pytest.approx(weight, abs=0.01 * np.linalg.norm(weight))
@@ -181,7 +186,7 @@ def test_the_tracker_gives_the_objects_own_frame(world):
     )  # fmt: skip
     scene = build_scene(world, dataclasses.replace(spec, objects=(duck,)))
     tracker = SENSORS["tracker"](world, scene.robot, scene.objects, scene.label_of)
-    tracker.sample(tick())
+    tracker.sample(tick(scene.robot))
     pose = tracker.streams()["object_pose"][0, 0]
     assert pose[:3] == pytest.approx(duck.drop_pose.position, abs=1e-6)
     assert np.abs(pose[3:] @ duck.drop_pose.quat_xyzw) == pytest.approx(1.0, abs=1e-6)

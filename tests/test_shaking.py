@@ -13,8 +13,9 @@ from grasp_factory.errors import ConfigError
 from grasp_factory.outcome import Outcome, Phase
 from grasp_factory.robots import ROBOTS, arm_chain
 from grasp_factory.rollout import run_episode
-from grasp_factory.sections import LabelConfig, PhysicsConfig, ShakeConfig
+from grasp_factory.sections import LabelConfig, MotionConfig, ShakeConfig
 from grasp_factory.shaking import STANDARD_GRAVITY, plan_shake
+from grasp_factory.stepping import PhysicsConfig
 from grasp_factory.world import World
 
 RATES = (960, 120)
@@ -79,7 +80,7 @@ def test_the_imu_feels_the_levels_that_were_asked_for(world):
 
 def test_a_heavy_object_that_can_be_held_still_is_lost_in_the_shake(world):
     """2 mu F = 20 N hold 1.8 kg (17.7 N) at rest, but not with half of that on top."""
-    spec = cube_spec()
+    spec = cube_spec(motion=MotionConfig(lift_speed=0.3))
     heavy = dataclasses.replace(spec.objects[0], mass=1.8)
     episode = run_episode(world, dataclasses.replace(spec, objects=(heavy,)))
     assert episode.outcome is Outcome.LOST_IN_SHAKE

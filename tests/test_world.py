@@ -13,7 +13,7 @@ from grasp_factory.camera import Camera, Intrinsics, Light, deproject, zbuffer_t
 from grasp_factory.errors import GraspFactoryError, RecipeError
 from grasp_factory.geometry import IDENTITY, Pose, apply, look_at
 from grasp_factory.objects import MAX_PARTS, OBJECT_SETS, Compound, Part
-from grasp_factory.sections import PhysicsConfig
+from grasp_factory.stepping import PhysicsConfig, Stepping
 from grasp_factory.world import DATA, World
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -56,7 +56,7 @@ def test_contact_forces_carry_weight_and_friction_whatever_the_order_of_creation
         body = box()
     for b in (body, ground):
         world.change_dynamics(b, -1, lateralFriction=1.0)
-    world.set_rate(hz)
+    world.set_stepping(Stepping(hz, 100, 1))
     pybullet.setGravity(3.0, 0.0, -9.81, physicsClientId=world._client)
     for _ in range(hz):
         world.step()

@@ -12,7 +12,7 @@ from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode
 from grasp_factory.rollout import run_episode
 from grasp_factory.sampling import sample_spec
-from grasp_factory.sections import PhysicsConfig
+from grasp_factory.stepping import PhysicsConfig
 from grasp_factory.world import World
 
 

@@ -90,8 +90,7 @@ def _weight(episode: Episode) -> float:
 
 
 def _rotations(episode: Episode, records: Indices) -> Array:
-    quats = episode.streams["tcp_pose"][records, 3:].astype(np.float64)
-    return np.array([quat_xyzw_to_matrix(quat) for quat in quats]).reshape(-1, 3, 3)
+    return quat_xyzw_to_matrix(episode.streams["tcp_pose"][records, 3:])
 
 
 def _on_target(episode: Episode, records: Indices) -> tuple[Array, Array]:

@@ -13,8 +13,8 @@ import numpy as np
 
 from grasp_factory.geometry import IDENTITY, Array, Pose, transform
 from grasp_factory.gripper import Gripper
-from grasp_factory.kinematics import Chain
-from grasp_factory.world import DATA, World
+from grasp_factory.kinematics import Chain, carrier
+from grasp_factory.world import DATA, Row, World
 
 TRACKING_BANDWIDTH = 48.0
 """rad/s of the joint position loop: 0.2 per step at 240 Hz. A fixed gain per step would make
@@ -107,7 +107,8 @@ class Robot:
         self.arm = [joints[name] for name in model.arm_joints]
         self.fingers = [joints[name] for name in model.finger_joints]
         self.pads = [links[name] for name in model.pad_links]
-        self.tcp = links[model.tcp_link]
+        hand, self.T_hand_tcp = carrier(model.path(), model.tcp_link, links)
+        self.hand = links[hand]
         self.ft_joint = joints[model.ft_joint]
         self.first_tool_link = links[model.first_tool_link]
         half = model.gripper.max_width / 2.0
@@ -122,7 +123,6 @@ class Robot:
             )  # fmt: skip
         left, right = self.fingers
         world.gear(self.body, -1, (left, right), GEAR_FORCE)
-        world.enable_force_torque(self.body, self.ft_joint)
 
     def command(
         self, positions: Sequence[float], velocities: Sequence[float], width: float, hz: int
@@ -155,6 +155,21 @@ class Robot:
         force = min(max(force, low), high)
         self._world.command_velocities(self.body, self.fingers, [-speed, -speed], [force, force])
 
+    def listen(self, on: bool) -> None:
+        """Switch the wrist's force-torque sensor on or off, from the next step on.
+
+        The engine spends a seventh of a free step on it, so it is on where it is read (issue 5).
+        """
+        self._world.sense_wrench(self.body, self.ft_joint, on)
+
+    def joint_states(self) -> tuple[Row, ...]:
+        """Return the states of the arm's joints, the fingers' and the wrist sensor's."""
+        return self._world.joint_states(self.body, [*self.arm, *self.fingers, self.ft_joint])
+
+    def frames(self) -> list[Row]:
+        """Return position and quat_xyzw of the hand, which carries the TCP, and of both pads."""
+        return self._world.link_frames(self.body, [self.hand, *self.pads])
+
     def finger_speed(self) -> float:
         """Return the faster finger's speed, m/s."""
         states = self._world.joint_states(self.body, self.fingers)
@@ -166,8 +181,8 @@ class Robot:
 
     def T_world_tcp(self) -> Array:
         """Return the measured TCP pose (4, 4)."""
-        position, quat = self._world.link_frames(self.body, [self.tcp])[0]
-        return Pose(position, quat).matrix()
+        position, quat = self._world.link_frames(self.body, [self.hand])[0]
+        return np.asarray(Pose(position, quat).matrix() @ self.T_hand_tcp)
 
     def pad_offsets(self) -> Array:
         """Return ``T_link_pad`` of both pads, (2, 4, 4): left, right."""

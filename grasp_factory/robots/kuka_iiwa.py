@@ -25,8 +25,8 @@ KUKA_IIWA = RobotModel(
     ft_joint="ft_joint",
     first_tool_link="ft_sensor",
     # Sums over the URDF's tool links; held against the loaded body by the conformance test.
-    tool_mass=1.261,
-    tool_com=(0.0, 0.0, 0.0727034),
+    tool_mass=1.26,
+    tool_com=(0.0, 0.0, 0.0726349),
     # TCP at (0.32, 0, 0.52) looking down: behind and above the workspace.
     home=(0.0, -0.1885, 0.0, -1.6781, 0.0, 1.652, 0.0),
     joint_velocity_limits=tuple(math.radians(v) for v in _AXIS_SPEEDS_DEG),

@@ -22,9 +22,9 @@ LabelOf = Callable[[int, int], int]
 
 SENSORS: Mapping[str, Callable[[World, Robot, tuple[int, ...], LabelOf], Sensor]] = {
     "clock": lambda world, robot, objects, label_of: Clock(),
-    "encoders": lambda world, robot, objects, label_of: Encoders(world, robot),
+    "encoders": lambda world, robot, objects, label_of: Encoders(robot),
     "tracker": lambda world, robot, objects, label_of: ObjectTracker(world, objects),
-    "tactile": lambda world, robot, objects, label_of: TactilePads(world, robot, label_of),
+    "tactile": lambda world, robot, objects, label_of: TactilePads(robot, label_of),
     "hand": lambda world, robot, objects, label_of: HandContact(robot, objects[0]),
     "wrist": lambda world, robot, objects, label_of: WristForceTorque(world, robot),
 }

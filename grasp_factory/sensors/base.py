@@ -25,8 +25,12 @@ class Tick:
     """Metres, as commanded for the step just made."""
     shake_level: float
     """Level of the shake in units of standard gravity, 0 outside of it."""
-    contacts: tuple[tuple[Any, ...], ...]
-    """All contact rows of the step just made (``World.contacts``)."""
+    joints: Sequence[tuple[Any, ...]]
+    """States of the arm's joints, the fingers' and the wrist sensor's (``World.joint_states``)."""
+    frames: Sequence[tuple[Any, ...]]
+    """Position and quat_xyzw of the hand and of both pad links, world (``Robot.frames``)."""
+    contacts: Sequence[tuple[Any, ...]]
+    """All contact rows of the robot in the step just made (``World.contacts``)."""
 
 
 class Sensor(abc.ABC):

@@ -7,27 +7,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.geometry import Array, quat_xyzw_to_matrix
 from grasp_factory.robots import Robot
 from grasp_factory.sensors.base import Sensor, Tick
-from grasp_factory.world import World
 
 
 class Encoders(Sensor):
     """Everything that the robot's own controller knows."""
 
-    def __init__(self, world: World, robot: Robot) -> None:
-        self._world, self._robot = world, robot
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
         self._joints: list[Any] = []
-        self._tcp: list[Any] = []
+        self._hand: list[Any] = []
         self._targets: list[Any] = []
 
     def sample(self, tick: Tick) -> None:
-        """Read the joints and the TCP's frame."""
-        robot = self._robot
-        states = self._world.joint_states(robot.body, [*robot.arm, *robot.fingers])
-        self._joints.append([(state[0], state[1], state[3]) for state in states])
-        position, quat = self._world.link_frames(robot.body, [robot.tcp])[0]
-        self._tcp.append((*position, *quat))
+        """Keep the joints' states and the hand's frame."""
+        self._joints.append([(state[0], state[1], state[3]) for state in tick.joints[:-1]])
+        position, quat = tick.frames[0]
+        self._hand.append((*position, *quat))
         self._targets.append((*tick.joint_position_targets, tick.gripper_width_target))
 
     def streams(self) -> dict[str, NDArray[Any]]:
@@ -44,5 +42,11 @@ class Encoders(Sensor):
             "gripper_width_target": targets[:, n],
             # The motors push towards smaller joint values to close.
             "gripper_force": -joints[:, n:, 2].mean(axis=1),
-            "tcp_pose": np.array(self._tcp, np.float32).reshape(-1, 7),
+            "tcp_pose": self._tcp_poses().astype(np.float32),
         }
+
+    def _tcp_poses(self) -> Array:
+        """Return the TCP's poses (samples, 7), whose axes are the hand's."""
+        poses = np.array(self._hand, np.float64).reshape(-1, 7)
+        poses[:, :3] += quat_xyzw_to_matrix(poses[:, 3:]) @ self._robot.T_hand_tcp[:3, 3]
+        return poses

@@ -36,7 +36,7 @@ class WristImu:
     def series(self) -> dict[str, NDArray[Any]]:
         """Return timestamp (n,), specific force and angular velocity (n, 3), and where it sits."""
         times = np.array([0.0, *self._timestamps])
-        R = np.array([quat_xyzw_to_matrix(motion[1]) for motion in self._motions])
+        R = quat_xyzw_to_matrix([motion[1] for motion in self._motions])
         angular = np.array([motion[3] for motion in self._motions])
         velocity = self._origin_velocities(R, angular)
         acceleration = np.diff(velocity, axis=0) / np.diff(times)[:, None]
@@ -59,6 +59,5 @@ class WristImu:
 
     def _T_tcp_imu(self) -> Array:
         """Return the sensor's pose in the TCP frame (4, 4); both sit on the rigid hand."""
-        links = [self._robot.tcp, self._robot.first_tool_link]
-        tcp, imu = (Pose(*f).matrix() for f in self._world.link_frames(self._robot.body, links))
-        return np.asarray(inverse(tcp) @ imu)
+        frame = self._world.link_frames(self._robot.body, [self._robot.first_tool_link])[0]
+        return np.asarray(inverse(self._robot.T_world_tcp()) @ Pose(*frame).matrix())

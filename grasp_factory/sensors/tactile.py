@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, Pose
+from grasp_factory.geometry import Array, pose_matrices
 from grasp_factory.outcome import Label
 from grasp_factory.robots import Robot
 from grasp_factory.schema import MAX_CONTACTS
 from grasp_factory.sensors.base import Sensor, Tick
-from grasp_factory.world import World
 
 
 class TactilePads(Sensor):
@@ -24,8 +23,8 @@ class TactilePads(Sensor):
     at 960 Hz and lift speed that is 0.4 mm.
     """
 
-    def __init__(self, world: World, robot: Robot, label_of: Callable[[int, int], int]) -> None:
-        self._world, self._robot, self._label_of = world, robot, label_of
+    def __init__(self, robot: Robot, label_of: Callable[[int, int], int]) -> None:
+        self._robot, self._label_of = robot, label_of
         self._pad_of = {link: i for i, link in enumerate(robot.pads)}
         self._frames: list[Any] = []
         self._rows: list[tuple[float, ...]] = []
@@ -33,7 +32,7 @@ class TactilePads(Sensor):
     def sample(self, tick: Tick) -> None:
         """Keep the loaded contacts of the pads and the pads' frames."""
         body, record = self._robot.body, len(self._frames)
-        self._frames.append([(*p, *q) for p, q in self._world.link_frames(body, self._robot.pads)])
+        self._frames.append([(*p, *q) for p, q in tick.frames[1:]])
         for c in tick.contacts:
             if c[9] <= 0.0:  # within the breaking threshold, but not touching
                 continue
@@ -76,12 +75,8 @@ class TactilePads(Sensor):
 
     def _pad_frames(self) -> Array:
         """Return ``T_world_pad``, (samples, 2, 4, 4)."""
-        offsets = self._robot.pad_offsets()
-        frames = [
-            [Pose(tuple(f[:3]), tuple(f[3:])).matrix() @ offsets[i] for i, f in enumerate(row)]
-            for row in self._frames
-        ]
-        return np.array(frames, np.float64).reshape(-1, 2, 4, 4)
+        frames = np.array(self._frames, np.float64).reshape(-1, 2, 7)
+        return np.asarray(pose_matrices(frames) @ self._robot.pad_offsets())
 
 
 def _to_frame(R: Array, vectors: Array) -> Array:

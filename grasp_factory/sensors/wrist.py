@@ -26,9 +26,8 @@ class WristForceTorque(Sensor):
         self._rows: list[Any] = []
 
     def sample(self, tick: Tick) -> None:
-        """Read the joint's reaction."""
-        state = self._world.joint_states(self._robot.body, [self._robot.ft_joint])[0]
-        self._rows.append(state[2])
+        """Keep the joint's reaction."""
+        self._rows.append(tick.joints[-1][2])
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return ``wrist_wrench`` (samples, 6): force N, torque N m."""

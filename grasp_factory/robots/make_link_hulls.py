@@ -1,0 +1,67 @@
+"""How the arm's collision hulls are made: ``python -m grasp_factory.robots.make_link_hulls``.
+
+Loading the convex hulls of the iiwa's own meshes (7,500 points) took four fifths of building a
+scene, at every episode (issue 5). What they are for, contacts of the arm on its way, a millimetre
+does not change: that is also the margin that the engine puts around each of them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from grasp_factory.geometry import Array
+from grasp_factory.world import DATA
+
+MESHES = DATA / "kuka_iiwa" / "meshes"
+HULLS = Path(__file__).parent / "assets"
+LINKS = tuple(f"link_{i}" for i in range(8))
+TOLERANCE = 0.001
+"""Metres by which a hull may fall short of the mesh's, in any direction."""
+DIRECTIONS = 20_000
+"""In which it is looked at: about 1.4 degrees apart."""
+
+_HEADER = """\
+# Points of the convex hull of {name}.stl in pybullet_data/kuka_iiwa (lbr_iiwa model,
+# R. Krug and T. Stoyanov, Orebro University, BSD-2-Clause), to 1 mm; see make_link_hulls.py.
+"""
+
+
+def link_hull(points: Array) -> Array:
+    """Return the fewest points (K, 3) found whose hull is that of the points (N, 3), metres.
+
+    Greedy: the point farthest beyond the hull so far, until none is beyond the tolerance.
+    """
+    along = points @ directions().T
+    full, farthest = along.max(axis=0), along.argmax(axis=0)
+    chosen: list[int] = []
+    reached = np.full(DIRECTIONS, -np.inf)
+    while (full - reached).max() > TOLERANCE:
+        chosen.append(int(farthest[(full - reached).argmax()]))
+        reached = np.maximum(reached, along[chosen[-1]])
+    return points[chosen]
+
+
+def directions() -> Array:
+    """Return unit vectors (``DIRECTIONS``, 3), spread evenly: Fibonacci's lattice on a sphere."""
+    i = np.arange(DIRECTIONS) + 0.5
+    z, angle = 1.0 - 2.0 * i / DIRECTIONS, np.pi * (1.0 + np.sqrt(5.0)) * i
+    radius = np.sqrt(1.0 - z * z)
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
+
+
+def hull_text(name: str) -> str:
+    """Return the OBJ file of a link's hull. Needs trimesh, which is in the extra ``meshes``."""
+    import trimesh  # noqa: PLC0415
+
+    points = link_hull(np.asarray(trimesh.load(MESHES / f"{name}.stl").vertices, np.float64))
+    hull = trimesh.convex.convex_hull(np.round(points, 5))
+    lines = [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in hull.vertices]
+    lines += [f"f {a} {b} {c}" for a, b, c in hull.faces + 1]
+    return _HEADER.format(name=name) + f"o {name}\n" + "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    for link in LINKS:
+        (HULLS / f"{link}.obj").write_text(hull_text(link), encoding="utf-8")
