@@ -82,15 +82,27 @@ def rotation_vector(R: Array) -> Array:
 
 
 def quat_xyzw_to_matrix(quat_xyzw: ArrayLike) -> Array:
-    """Return the rotation matrix (3, 3) of a quaternion (4,), which need not be unit."""
-    x, y, z, w = np.asarray(quat_xyzw, dtype=np.float64) / np.linalg.norm(quat_xyzw)
-    return np.array(
+    """Return rotation matrices (..., 3, 3) of quaternions (..., 4), which need not be unit."""
+    quat = np.asarray(quat_xyzw, dtype=np.float64)
+    x, y, z, w = (quat / np.sqrt((quat * quat).sum(axis=-1, keepdims=True))).T
+    rows = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
+    return np.ascontiguousarray(rows.T.swapaxes(-1, -2))
+
+
+def pose_matrices(poses: ArrayLike) -> Array:
+    """Return homogeneous transforms (..., 4, 4) of poses (..., 7): position (m) and quat_xyzw."""
+    poses = np.asarray(poses, dtype=np.float64)
+    T = np.zeros((*poses.shape[:-1], 4, 4))
+    T[..., :3, :3] = quat_xyzw_to_matrix(poses[..., 3:])
+    T[..., :3, 3] = poses[..., :3]
+    T[..., 3, 3] = 1.0
+    return T
 
 
 def matrix_to_quat_xyzw(R: ArrayLike) -> Array:

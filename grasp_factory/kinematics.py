@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -90,8 +91,9 @@ class Chain:
         """
         frames = self._joint_frames(np.asarray(q, dtype=np.float64))
         T = frames[-1] @ self.T_joint_tip
-        axes = np.moveaxis(frames[..., :3, 2], 0, -1)  # (..., 3, n)
-        arms = T[..., :3, 3, None] - np.moveaxis(frames[..., :3, 3], 0, -1)
+        last = (*range(1, frames.ndim - 1), 0)  # what np.moveaxis(_, 0, -1) does, ten times quicker
+        axes = frames[..., :3, 2].transpose(last)  # (..., 3, n)
+        arms = T[..., :3, 3, None] - frames[..., :3, 3].transpose(last)
         J = np.empty((*axes.shape[:-2], 6, axes.shape[-1]))
         J[..., 3:, :] = axes
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -101,7 +103,7 @@ class Chain:
     def _joint_frames(self, q: Array) -> Array:
         """Return every joint's frame in base axes after its turn, shape (n, ..., 4, 4)."""
         still, cosine, sine = self._turns
-        angles = np.moveaxis(q, -1, 0)[..., None, None]
+        angles = q.transpose((q.ndim - 1, *range(q.ndim - 1)))[..., None, None]
         ones = (1,) * (q.ndim - 1)
         shape = (q.shape[-1], *ones, 4, 4)
         frames = (
@@ -125,6 +127,27 @@ class Chain:
         cosine[..., :2] = T[..., :2]
         sine[..., 0], sine[..., 1] = T[..., 1], -T[..., 0]
         return still, cosine, sine
+
+
+def carrier(path: str | Path, link: str, bodies: Container[str]) -> tuple[str, Array]:
+    """Return what carries a frame of a URDF file: the nearest of some bodies, and the pose in it.
+
+    Args:
+        path: The file.
+        link: The frame, fixed to the body; or the body itself.
+        bodies: Names of links.
+
+    Returns:
+        The body's name and ``T_body_link`` (4, 4).
+    """
+    parent_joint = {
+        _link(j, "child"): j for j in ElementTree.parse(path).getroot().findall("joint")
+    }
+    T = np.eye(4)
+    while link not in bodies:
+        T = _origin(parent_joint[link]) @ T
+        link = _link(parent_joint[link], "parent")
+    return link, T
 
 
 def _joints_between(robot: Element, base_link: str, tip_link: str) -> list[Element]:

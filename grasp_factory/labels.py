@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, Pose, apply, inverse, rotation_vector
+from grasp_factory.geometry import Array, apply, inverse, pose_matrices, rotation_vector
 from grasp_factory.outcome import Label, Outcome, Phase
 from grasp_factory.sections import LabelConfig
 
@@ -60,8 +60,8 @@ def target_com(streams: Streams, object_com: Array) -> Array:
         streams: The episode's streams.
         object_com: Centre of mass in the object's own frame, (3,) metres.
     """
-    poses = streams["object_pose"][:, 0].astype(np.float64)
-    return np.array([apply(_matrix(pose), object_com) for pose in poses]).reshape(-1, 3)
+    T_world_object = pose_matrices(streams["object_pose"][:, 0])
+    return np.asarray(T_world_object[:, :3, :3] @ object_com + T_world_object[:, :3, 3])
 
 
 def disturbance(streams: Streams, object_com: Array, rest_pose: Array) -> tuple[Array, Array]:
@@ -79,11 +79,10 @@ def disturbance(streams: Streams, object_com: Array, rest_pose: Array) -> tuple[
     if not len(before_shake):
         nothing = np.full(len(object_com), np.nan)
         return nothing, nothing.copy()
-    poses = streams["object_pose"].astype(np.float64)
-    rest, end, held = (
-        np.array([apply(_matrix(p), com) for p, com in zip(row, object_com, strict=True)])
-        for row in (rest_pose, poses[-1], poses[before_shake[-1]])
-    )
+    poses = streams["object_pose"][[-1, before_shake[-1]]].astype(np.float64)
+    T_world_object = pose_matrices(np.stack([rest_pose, *poses]))
+    turned = (T_world_object[..., :3, :3] @ object_com[:, :, None])[..., 0]
+    rest, end, held = turned + T_world_object[..., :3, 3]
     return np.linalg.norm(end - rest, axis=1), (held - rest)[:, 2]
 
 
@@ -186,10 +185,5 @@ def _contact_area(streams: Streams, record: int) -> float:
 
 def _in_hand(streams: Streams, i: int) -> Array:
     """Return ``T_tcp_object`` (4, 4) at record i."""
-    T_world_tcp = _matrix(streams["tcp_pose"][i].astype(np.float64))
-    return inverse(T_world_tcp) @ _matrix(streams["object_pose"][i, 0].astype(np.float64))
-
-
-def _matrix(pose: Array) -> Array:
-    x, y, z, qx, qy, qz, qw = (float(v) for v in pose)
-    return Pose((x, y, z), (qx, qy, qz, qw)).matrix()
+    T_world_tcp = pose_matrices(streams["tcp_pose"][i])
+    return inverse(T_world_tcp) @ pose_matrices(streams["object_pose"][i, 0])

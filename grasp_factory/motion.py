@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from grasp_factory.episode import Grasp
 from grasp_factory.geometry import Array
-from grasp_factory.ik import ik_solutions, solve_ik, track_path
+from grasp_factory.ik import IKResult, ik_solutions, solve_ik, track_path
 from grasp_factory.kinematics import Chain
 from grasp_factory.sections import (
     MAX_STRETCH,
@@ -57,22 +59,28 @@ class GraspMotion:
 
 
 def plan_motion(
-    chain: Chain, home: Array, grasp: Grasp, motion: MotionConfig
-) -> GraspMotion | None:
-    """Return the motions that execute a grasp from ``home`` (J,), or None when it is unreachable.
+    chain: Chain, home: Array, grasps: Sequence[Grasp], motion: MotionConfig
+) -> tuple[Grasp, GraspMotion] | None:
+    """Return one of several equally good grasps and the motions from ``home`` (J,) that execute it.
 
-    Unreachable means: no posture within the joint limits from which the arm can follow the
-    straight approach and lift, within ``MAX_TRANSFER_S`` of home and the velocity limits.
+    The one whose pregrasp is nearest in time is tried first; then the others, then all of them
+    through other postures. None when all are unreachable: no posture within the joint limits from
+    which the arm can follow the straight approach and lift, within ``MAX_TRANSFER_S`` of home and
+    the velocity limits.
     """
-    path = _GraspPath(chain, home, grasp.T_world_tcp, motion)
-    nearest = solve_ik(chain, path.T_pregrasp, home)
-    if not nearest.success:
-        return None
-    found = path.through(nearest.joint_positions)
-    if found is not None:
-        return found
-    through_others = map(path.through, ik_solutions(chain, path.T_pregrasp, home))
-    return next((found for found in through_others if found is not None), None)
+    paths = [_GraspPath(chain, home, grasp, motion) for grasp in grasps]
+    nearest = [(path, path.nearest) for path in paths if path.nearest.success]
+    nearest.sort(key=lambda pair: pair[0].transfer_s(pair[1].joint_positions))
+    for path, posture in nearest:
+        found = path.through(posture.joint_positions)
+        if found is not None:
+            return path.grasp, found
+    for path, _ in nearest:
+        for joint_positions in ik_solutions(chain, path.T_pregrasp, home):
+            found = path.through(joint_positions)
+            if found is not None:
+                return path.grasp, found
+    return None
 
 
 def sample(segment: JointSegment, hz: int, control_hz: int) -> Trajectory:
@@ -91,19 +99,29 @@ def sample(segment: JointSegment, hz: int, control_hz: int) -> Trajectory:
 class _GraspPath:
     """The Cartesian path of one grasp, and the joint motions along it."""
 
-    def __init__(self, chain: Chain, home: Array, T_grasp: Array, motion: MotionConfig) -> None:
+    def __init__(self, chain: Chain, home: Array, grasp: Grasp, motion: MotionConfig) -> None:
+        self.grasp = grasp
         self._chain, self._home, self._motion = chain, home, motion
         self._limits = chain.velocity_limits * motion.speed_scale
-        self._T_grasp = T_grasp
+        self._T_grasp = T_grasp = grasp.T_world_tcp
         self.T_pregrasp = T_grasp.copy()
         self.T_pregrasp[:3, 3] -= motion.pregrasp_distance * T_grasp[:3, 2]
         self._T_lifted = T_grasp.copy()
         self._T_lifted[2, 3] += motion.lift_height
 
+    @cached_property
+    def nearest(self) -> IKResult:
+        """The posture at the pregrasp that is found from home."""
+        return solve_ik(self._chain, self.T_pregrasp, self._home)
+
+    def transfer_s(self, pregrasp: Array) -> float:
+        """Return the seconds from home to a posture (J,)."""
+        return self._shortest_duration(np.stack([self._home, pregrasp]))
+
     def through(self, pregrasp: Array) -> GraspMotion | None:
         """Return the motions that pass a pregrasp posture (J,), or None when one is impossible."""
         waypoints = np.stack([self._home, pregrasp])
-        transfer = JointSegment(waypoints, self._shortest_duration(waypoints))
+        transfer = JointSegment(waypoints, self.transfer_s(pregrasp))
         if transfer.duration > MAX_TRANSFER_S:
             return None
         seconds = self._motion.approach_s

@@ -92,21 +92,16 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
 def choose(scene: Scene, plan: GraspPlan) -> tuple[Grasp | None, GraspMotion | None]:
     """Return the first grasp of a plan that the robot can reach, and the motion to it.
 
-    Of a grasp and its half turn the quicker one is taken. When none can be reached, the first
-    grasp is returned without motion.
+    Of a grasp and its half turn the one with the shorter way is tried first. When none can be
+    reached, the first grasp is returned without motion.
     """
     robot = scene.robot
     home = np.array(robot.model.home)
     for grasp in plan.grasps:
-        options = []
-        for T_world_tcp in (grasp.T_world_tcp, grasp.T_world_tcp @ HALF_TURN):
-            turned = dataclasses.replace(grasp, T_world_tcp=T_world_tcp)
-            motion = plan_motion(robot.chain, home, turned, scene.spec.motion)
-            if motion is not None:
-                options.append((motion.transfer.duration, turned, motion))
-        if options:
-            _, chosen, motion = min(options, key=lambda option: option[0])
-            return chosen, motion
+        turned = dataclasses.replace(grasp, T_world_tcp=grasp.T_world_tcp @ HALF_TURN)
+        found = plan_motion(robot.chain, home, (grasp, turned), scene.spec.motion)
+        if found is not None:
+            return found
     return (plan.grasps[0] if plan.grasps else None), None
 
 

@@ -67,7 +67,8 @@ def workspace_grasps(count: int, max_tilt: float) -> list[Array]:
 def plan(robot: str, T_world_tcp: Array, motion: MotionConfig = DEFAULT) -> GraspMotion | None:
     model = ROBOTS[robot]
     grasp = Grasp(T_world_tcp=T_world_tcp, width=0.05)
-    return plan_motion(arm_chain(model), np.array(model.home), grasp, motion)
+    found = plan_motion(arm_chain(model), np.array(model.home), [grasp], motion)
+    return None if found is None else found[1]
 
 
 @cache

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import deproject
+from grasp_factory.camera import deproject_pixels
 from grasp_factory.episode import GraspPlan, SceneView
 from grasp_factory.errors import ConfigError
 from grasp_factory.geometry import Array, apply, transform
@@ -67,14 +67,14 @@ def visible_points(
     """
     clouds = [np.zeros((0, 3))]
     for image in view.images.values():
-        seen = chosen(image.segmentation)
-        points = deproject(image.depth.astype(np.float64), image.intrinsics)[seen]
+        v, u = np.nonzero(chosen(image.segmentation))
+        depth = image.depth[v, u].astype(np.float64)
+        points = deproject_pixels(u, v, depth, image.intrinsics)
         clouds.append(apply(image.T_world_camera, points))
     return np.vstack(clouds)
 
 
 def looking_down(x: float, y: float, z: float, yaw: float) -> Array:
     """Return ``T_world_tcp`` (4, 4) that approaches straight down and closes along ``yaw``."""
-    closing = np.array([np.cos(yaw), np.sin(yaw), 0.0])
-    approach = np.array([0.0, 0.0, -1.0])
-    return transform(np.column_stack([np.cross(closing, approach), closing, approach]), (x, y, z))
+    c, s = np.cos(yaw), np.sin(yaw)
+    return transform([[-s, c, 0.0], [c, s, 0.0], [0.0, 0.0, -1.0]], (x, y, z))

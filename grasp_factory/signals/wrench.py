@@ -66,9 +66,7 @@ def rotations(pose: ArrayLike) -> Array:
 
     Of ``tcp_pose`` they are ``R_world_sensor``: the sensor's axes are parallel to the TCP frame's.
     """
-    quats = np.asarray(pose, np.float64)[..., -4:]
-    flat = [quat_xyzw_to_matrix(quat) for quat in quats.reshape(-1, 4)]
-    return np.reshape(flat, (*quats.shape[:-1], 3, 3))
+    return quat_xyzw_to_matrix(np.asarray(pose, np.float64)[..., -4:])
 
 
 def tool_load(
