@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import click
 
@@ -23,9 +23,6 @@ from grasp_factory.errors import Terminated
 from grasp_factory.options import dataset_options, request_from
 from grasp_factory.records import to_plain
 from grasp_factory.request import Request
-
-if TYPE_CHECKING:
-    from grasp_factory.factory import Summary
 
 DEFAULTS = Request(config=FactoryConfig())
 EXIT_DONE, EXIT_FAILURE, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
@@ -53,9 +50,12 @@ def cli(ctx: click.Context) -> None:
 @click.option("--out", type=click.Path(), help=f"The store.  [default: {DEFAULTS.out}]")
 @dataset_options
 @click.option("--print-config", is_flag=True, help="Print the settings as YAML and make nothing.")
+@click.option("--dry-run", is_flag=True, help="Make some, keep none; say what the run would take.")
 @click.option("--quiet", is_flag=True, help="Print errors only.")
 @AS_JSON
-def generate(*, print_config: bool, quiet: bool, as_json: bool, **options: Any) -> None:
+def generate(
+    *, print_config: bool, dry_run: bool, quiet: bool, as_json: bool, **options: Any
+) -> None:
     """Make grasp episodes, or complete a store.
 
     The same settings give the same episodes, whatever the number of workers; what is there
@@ -68,8 +68,20 @@ def generate(*, print_config: bool, quiet: bool, as_json: bool, **options: Any) 
         check_names(request.config)
         click.echo(request.to_yaml(), nl=False)
         return
+    if dry_run:
+        from grasp_factory.progress import forecast
+        from grasp_factory.report import forecast_text
+
+        found = forecast(request)
+        if as_json:
+            _print_json(to_plain(found) | {"fits": found.fits})
+        else:
+            click.echo(forecast_text(found))
+        return
     try:
-        summary = _generate(request, quiet=quiet)
+        from grasp_factory.progress import make
+
+        summary = make(request, quiet=quiet)
     except KeyboardInterrupt as why:
         _stopped(request, why)
     if as_json:
@@ -265,21 +277,6 @@ def _print_listing(rows: Mapping[str, str], as_json: bool) -> None:
         _print_json(rows)
     else:
         click.echo(table(rows.items()))
-
-
-def _generate(request: Request, *, quiet: bool) -> Summary:
-    from grasp_factory.factory import generate as run
-    from grasp_factory.progress import Progress
-
-    with Progress(quiet=quiet) as progress:
-        return run(
-            request.config,
-            request.n,
-            request.out,
-            request.workers,
-            on_start=progress.start,
-            on_episode=progress.episode,
-        )
 
 
 def _stopped(request: Request, why: KeyboardInterrupt) -> NoReturn:

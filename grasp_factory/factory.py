@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import functools
+import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,10 @@ from grasp_factory.runlog import RunLog
 from grasp_factory.sampling import sample_spec
 from grasp_factory.summary import StoreSummary, summarise
 from grasp_factory.world import World
+from grasp_factory.world.connection import check_renderer
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.lock import StoreLock
+from grasp_factory.writers.packing import is_time_to_pack, pack
 from grasp_factory.writers.store import check_place, pending_blocks, prepare_store
 from grasp_factory.writers.zarr import ZarrWriter
 
@@ -103,6 +106,7 @@ def generate(
     target = check_place(path, config)
     carried.unpack(path, config)
     robot = check_names(config)
+    check_renderer(config.renderer)
     with StoreLock(path), RunLog(target, request) as log:
         facts = {"robot": robot.facts()}
         objects = carried.packed(config)
@@ -111,13 +115,16 @@ def generate(
         on_start(plan)
         if plan.blocks:
             log.begin()
-            task = functools.partial(make_block, config=config, path=path)
 
             def count(made: Made) -> None:
                 log.count()
+                if is_time_to_pack(made.index, config.block_size):
+                    pack(path)
                 on_episode(made)
 
-            make_executor(request.workers).run(task, plan.blocks, count)
+            with contextlib.closing(BlockMaker(config, path)) as task:
+                make_executor(request.workers).run(task, plan.blocks, count)
+        pack(path)
         seconds = time.monotonic() - start
         return Summary(
             asked=request.n,
@@ -151,19 +158,43 @@ def check_names(config: FactoryConfig) -> RobotModel:
     return robot
 
 
-def make_block(block: int, report: Report, *, config: FactoryConfig, path: Path) -> list[Made]:
-    """Make a whole block and write it. Runs in a worker; only ``Made`` records leave it."""
-    writer = ZarrWriter(path)
-    rows: list[Episode | Quarantined] = []
-    done: list[Made] = []
-    with World() as world:
-        for index in block_range(block, config.block_size, writer.length):
-            row = _make_row(world, config, index)
+class BlockMaker:
+    """Makes whole blocks and writes them; only ``Made`` records leave it.
+
+    It travels to a worker as config and path. There, or here, it opens its world and its writer at
+    its first block and keeps them: an episode does not notice those before it.
+    """
+
+    def __init__(self, config: FactoryConfig, path: Path) -> None:
+        self._config, self._path = config, path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return BlockMaker, (self._config, self._path)
+
+    def __call__(self, block: int, report: Report) -> list[Made]:
+        """Make a block, and report each episode as it is made."""
+        rows: list[Episode | Quarantined] = []
+        done: list[Made] = []
+        for index in block_range(block, self._config.block_size, self._writer.length):
+            row = _make_row(self._world, self._config, index)
             rows.append(row)
             done.append(_in_few_words(row))
             report(done[-1])
-    writer.write_block(block, rows)
-    return done
+        self._writer.write_block(block, rows)
+        return done
+
+    def close(self) -> None:
+        """Close the world, if one was opened in this process."""
+        if "_world" in self.__dict__:
+            self._world.close()
+
+    @cached_property
+    def _world(self) -> World:
+        return World(self._config.renderer)
+
+    @cached_property
+    def _writer(self) -> ZarrWriter:
+        return ZarrWriter(self._path)
 
 
 def block_range(block: int, block_size: int, length: int) -> range:

@@ -42,7 +42,7 @@ def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) ->
     size = (TILE_WIDTH, min(max(16, round(TILE_WIDTH * height / width)), 2 * TILE_WIDTH))
     small = dataclasses.replace(config, resolution=size)
     tiles = []
-    with World() as world:
+    with World(config.renderer) as world:
         for index in range(n):
             tiles.append(_tile(world, small, index))
             on_scene()

@@ -8,10 +8,12 @@ from pathlib import Path
 import click
 from tqdm import tqdm  # type: ignore[import-untyped]
 
+from grasp_factory import dryrun
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.factory import Made, Plan
+from grasp_factory.factory import Made, Plan, Summary, generate
 from grasp_factory.report import percent, plan_text
+from grasp_factory.request import Request
 
 _BAR = "{percentage:3.0f} % |{bar}| {n}/{total} [{elapsed}, {remaining} left, {rate_fmt}{postfix}]"
 tqdm.monitor_interval = 0  # no helper thread: signals and spawned workers stay simple
@@ -80,3 +82,22 @@ class Progress:
         """Close the bar."""
         if self._bar is not None:
             self._bar.close()
+
+
+def make(request: Request, *, quiet: bool) -> Summary:
+    """Run a request with its progress shown; see ``factory.generate``."""
+    with Progress(quiet=quiet) as progress:
+        return generate(
+            request.config,
+            request.n,
+            request.out,
+            request.workers,
+            on_start=progress.start,
+            on_episode=progress.episode,
+        )
+
+
+def forecast(request: Request) -> dryrun.Forecast:
+    """Tell what a request would take, with the pilots counted; see ``dryrun.forecast``."""
+    with Counter(request.n, "pilot") as counter:
+        return dryrun.forecast(request, lambda made: counter.count())

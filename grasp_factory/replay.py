@@ -57,7 +57,7 @@ def replay(path: Path, index: int) -> Replay:
         episode = dataset[index]
         before, recorded = episode.contents(), episode.outcome.name.lower()
     try:
-        with World() as world:
+        with World(dataset.config.renderer) as world:
             again = run_episode(world, dataset.spec(index))
         after, replayed = again.contents(), again.outcome.name.lower()
     except RecipeError as error:

@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from grasp_factory.checks.figure import Figure
+from grasp_factory.dryrun import Forecast
 from grasp_factory.factory import Plan, Summary
 from grasp_factory.relabel import Relabelled
 from grasp_factory.replay import Replay
@@ -128,6 +129,29 @@ def replay_text(result: Replay) -> str:
     return "\n".join(lines)
 
 
+def forecast_text(found: Forecast) -> str:
+    """Return what a run would take as a table."""
+    head = f"{count(found.to_make, 'episode')} to make, {found.already_there} are there"
+    expected = found.expected
+    if expected is None:
+        return f"{head}: {found.path} is complete."
+    low, high = expected.success_interval or (None, None)
+    rows = [
+        ("time", duration_text(expected.seconds), f"with {count(found.workers, 'worker')}"),
+        ("speed", f"{found.to_make / expected.seconds:.2f} episodes/s", ""),
+        ("disk", size_text(expected.bytes), f"of {size_text(found.free_bytes)} that are free"),
+        ("memory", size_text(expected.peak_bytes), "at the peak, all workers"),
+        ("success", percent(expected.success_rate), f"95 %: {percent(low)} to {percent(high)}"),
+    ]
+    if expected.quarantined:
+        rows.append(("quarantined", str(expected.quarantined), "of the pilots"))
+    pilots = f"from {count(expected.pilots, 'pilot')}, of which nothing is kept"
+    lines = [f"{head}; {pilots}:", table(rows)]
+    if not found.fits:
+        lines.append(f"warning: the disk of {found.path} has no room for it")
+    return "\n".join(lines)
+
+
 def count(number: int, noun: str) -> str:
     """Return a number with its noun, in the plural unless it is one."""
     return f"{number} {noun}" + ("" if number == 1 else "s")
@@ -145,6 +169,15 @@ def size_text(size: float) -> str:
             return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
         size /= 1000
     return f"{size:.1f} TB"
+
+
+def duration_text(seconds: float) -> str:
+    """Return a time in a readable unit."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 2 * 3600:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h" if seconds < 48 * 3600 else f"{seconds / 86400:.1f} days"
 
 
 def _tally_table(title: str, tallies: Mapping[str, Tally]) -> str:

@@ -18,7 +18,8 @@ from grasp_factory.config import FactoryConfig, first_difference
 from grasp_factory.episode import EpisodeSpec
 from grasp_factory.errors import ConfigError
 from grasp_factory.request import MAX_EPISODES, MAX_WORKERS, Request, resolve_request
-from grasp_factory.sections import PHYSICS_PRESETS, MotionConfig
+from grasp_factory.sections import MotionConfig
+from grasp_factory.stepping import PHYSICS_PRESETS
 from grasp_factory.yamltext import parse_yaml, read_yaml
 
 EVERYTHING_ELSE = {
@@ -175,7 +176,8 @@ def test_a_request_survives_its_own_yaml() -> None:
 def test_a_preset_of_the_physics_changes_what_it_names_and_no_more() -> None:
     request = resolve_request({}, {"physics": PHYSICS_PRESETS["fast"]})
     usual = FactoryConfig().physics
-    assert request.config.physics == dataclasses.replace(usual, contact_hz=240)
+    fast = {"contact_hz": 240, "contact_iterations": 50, "motor_iterations": 1}
+    assert request.config.physics == dataclasses.replace(usual, **fast)
 
 
 REQUESTS = [

@@ -32,7 +32,9 @@ from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling import sample_spec
 from grasp_factory.summary import summarise
 from grasp_factory.world import World
+from grasp_factory.writers import packing
 from grasp_factory.writers.lock import StoreLock
+from grasp_factory.writers.packed import segments
 
 CONFIG = small_config()  # blocks of 4
 TINY = FactoryConfig(resolution=(32, 24), block_size=2)
@@ -268,6 +270,38 @@ def test_the_diary_beside_the_store_has_a_line_per_run(out: Path) -> None:
     assert (first["ended"], first["asked"], first["made"]) == ("KeyboardInterrupt", 6, 5)
     assert (second["ended"], second["asked"], second["made"]) == ("done", 6, 2)
     assert {"started", "finished", "host", "command", "workers", "versions"} <= set(second)
+
+
+class TestARunThatFillsSegments:
+    @pytest.fixture(autouse=True)
+    def small_segments(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(packing, "SEGMENT_BLOCKS", 1)
+
+    @staticmethod
+    def packed(out: Path) -> list[str]:
+        return [segment.file.name for segment in segments(out)]
+
+    def test_packs_them_as_it_goes(self, out: Path) -> None:
+        def stop_at_seven(made: Made) -> None:
+            if made.index == 7:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            generate(CONFIG, 10, out, workers=1, on_episode=stop_at_seven)
+        assert self.packed(out) == ["0-0.npz"]
+
+    def test_has_packed_all_at_its_end_with_the_same_bytes_however_it_came_there(
+        self, out: Path
+    ) -> None:
+        self.test_packs_them_as_it_goes(out)
+        for n in (10, 14):
+            summary = generate(CONFIG, n, out, workers=1)
+        assert self.packed(out) == ["0-0.npz", "1-1.npz", "2-2.npz"]
+        assert summary.store == summarise(Dataset.open(out))
+        assert summary.store.bytes == sum(len(data) for data in tree(out).values())
+        whole = out.with_name("whole.zarr")
+        generate(CONFIG, 14, whole, workers=1)
+        assert_same_tree(out, whole)
 
 
 def test_blocks_cover_every_episode_once_and_end_with_the_store() -> None:

@@ -11,7 +11,7 @@ from grasp_factory.geometry import quat_xyzw_to_matrix
 from grasp_factory.outcome import Phase
 from grasp_factory.robots import ROBOTS
 from grasp_factory.rollout import run_episode
-from grasp_factory.sections import PhysicsConfig
+from grasp_factory.stepping import PhysicsConfig
 from grasp_factory.world import World
 
 

@@ -33,7 +33,7 @@ from grasp_factory.meshes.job import Job, Shape
 from grasp_factory.objects.base import Compound, ObjectModel
 from grasp_factory.objects.folder import load_folder
 from grasp_factory.objects.folder_cache import VARIABLE
-from grasp_factory.sections import PhysicsConfig
+from grasp_factory.stepping import PhysicsConfig, Stepping
 from grasp_factory.world import World
 
 WIDEST = 0.11
@@ -522,7 +522,7 @@ def fall(world: World, item: ObjectModel) -> float:
     assert isinstance(item.body, Compound)
     assert 0.0 < item.mass <= 5.0
     world.reset(PhysicsConfig())
-    world.set_rate(240)
+    world.set_stepping(Stepping(240, 100, 1))
     world.add_box((1.0, 1.0, 0.05), (0.0, 0.0, -0.05), (1.0, 1.0, 1.0, 1.0))
     body = world.add_compound(item.body, drop_pose(item), mass=item.mass)
     assert world.mass(body) == pytest.approx(item.mass)

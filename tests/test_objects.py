@@ -27,7 +27,7 @@ from grasp_factory.objects.base import PRIMITIVES
 from grasp_factory.objects.blobs import BLOBS
 from grasp_factory.objects.classic import CLASSIC
 from grasp_factory.robots import ROBOTS
-from grasp_factory.sections import PhysicsConfig
+from grasp_factory.stepping import PhysicsConfig
 from grasp_factory.world import DATA, World
 
 BLOB_SCALE = 0.015

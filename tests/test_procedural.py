@@ -20,7 +20,7 @@ from grasp_factory.objects.make_unit_meshes import unit_meshes
 from grasp_factory.objects.obj_file import triangles
 from grasp_factory.objects.procedural import FAMILIES, PROCEDURAL, generator
 from grasp_factory.objects.unit_meshes import ASSETS, mesh_file
-from grasp_factory.sections import PhysicsConfig
+from grasp_factory.stepping import PhysicsConfig
 from grasp_factory.world import World
 
 MESHES = unit_meshes()
@@ -360,7 +360,7 @@ import numpy as np
 from grasp_factory.camera import Camera, Intrinsics, Light
 from grasp_factory.geometry import IDENTITY, look_at
 from grasp_factory.objects import OBJECT_SETS
-from grasp_factory.sections import PhysicsConfig
+from grasp_factory.stepping import PhysicsConfig
 from grasp_factory.world import World
 
 def memory():

@@ -179,7 +179,7 @@ class TestRefusals:
             ("video_hz=7", "video_hz: got 7, valid: a divisor of physics.free_hz (240)"),
             (
                 "video_hz=120",
-                "video_hz: got 120, valid: less: a block's videos would take up to 8 GB",
+                "video_hz: got 120, valid: less: a block's videos would take up to 7 GB",
             ),
             ("cameras.front.mount=hand", "mount: got 'hand', valid: world, tcp"),
         ],

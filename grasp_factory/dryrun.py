@@ -1,0 +1,158 @@
+"""What a run would take: time, disk, memory, success; foretold from pilots, with nothing stored."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import shutil
+import statistics
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from grasp_factory import carried
+from grasp_factory.dataset import Dataset
+from grasp_factory.executors import BLOCKS_PER_PROCESS
+from grasp_factory.factory import Made, block_range, check_names
+from grasp_factory.pilots import Flight, episode_seconds, fly, relative_error
+from grasp_factory.request import Request
+from grasp_factory.writers.store import check_place, pending_blocks
+
+Z95 = 1.96
+"""Standard deviations about the mean that hold 95 % of a normal distribution."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expected:
+    """What the pilots say of the episodes that are missing."""
+
+    pilots: int
+    """Episodes that were made to know."""
+    quarantined: int
+    """Of the pilots."""
+    seconds: float
+    seconds_error: float
+    """Standard error of ``seconds``: what the episodes that were not made may change."""
+    bytes: int
+    peak_bytes: int
+    """Memory of all workers, if each gets as large as the largest of the pilots'."""
+    success_rate: float | None
+    """None if all pilots are quarantined."""
+    success_interval: tuple[float, float] | None
+    """95 %."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forecast:
+    """What a run would do and take."""
+
+    path: str
+    asked: int
+    already_there: int
+    """Of those asked for."""
+    to_make: int
+    workers: int
+    free_bytes: int
+    """Of the disk."""
+    expected: Expected | None
+    """None when nothing is to be made."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether the disk has room."""
+        return self.expected is None or self.expected.bytes <= self.free_bytes
+
+
+def forecast(request: Request, on_episode: Callable[[Made], None] = lambda made: None) -> Forecast:
+    """Make a few blocks of a run, throw them away and say what the run would take.
+
+    Args:
+        request: the run.
+        on_episode: called for each pilot as it is made.
+
+    Raises:
+        UsageError: for what ``generate`` would refuse.
+        StoreError: if the store that is there is damaged, or the disk fails.
+        WorkerError: if a worker died.
+    """
+    config, size = request.config, request.config.block_size
+    target = check_place(request.out, config)
+    carried.unpack(request.out, config)
+    check_names(config)
+    there = len(Dataset.open(request.out)) if (target / "zarr.json").exists() else 0
+    length = max(there, request.n)
+    sizes = {b: len(block_range(b, size, length)) for b in _missing_blocks(request, there)}
+    wanted = sum(len(block_range(block, size, request.n)) for block in sizes)
+    to_make = sum(sizes.values())
+    place = target if target.exists() else target.parent
+    expected = None
+    if sizes:
+        flight = fly(request, length, list(sizes), to_make, on_episode)
+        expected = _expected(flight, sizes, request.workers, is_new=there == 0)
+    return Forecast(
+        path=str(request.out),
+        asked=request.n,
+        already_there=request.n - wanted,
+        to_make=to_make,
+        workers=request.workers,
+        free_bytes=shutil.disk_usage(place).free,
+        expected=expected,
+    )
+
+
+def _missing_blocks(request: Request, there: int) -> list[int]:
+    """Return the blocks to make, those included that a longer store would have."""
+    size = request.config.block_size
+    pending = set(pending_blocks(request.out, request.n)) if there else set()
+    return sorted(pending | {row // size for row in range(there, request.n)})
+
+
+def _expected(flight: Flight, sizes: Mapping[int, int], workers: int, *, is_new: bool) -> Expected:
+    """Reckon from the pilots.
+
+    Args:
+        flight: the pilots.
+        sizes: episodes of each block that is missing.
+        workers: processes.
+        is_new: whether there is no store yet, so that its metadata are still to be written.
+    """
+    made, to_make, store = episode_seconds(flight.pilots), sum(sizes.values()), flight.store
+    team = min(workers, len(sizes))
+    known = {pilot.block: pilot.ended - pilot.started for pilot in flight.pilots}
+    durations = [known.get(block, n * statistics.fmean(made)) for block, n in sizes.items()]
+    busy = makespan(durations, team, flight.start_seconds)
+    each = (store.bytes - flight.empty_bytes) / len(made)
+    return Expected(
+        pilots=len(made),
+        quarantined=store.quarantined,
+        seconds=flight.prepare_seconds + busy + flight.finish_seconds,
+        seconds_error=busy * relative_error(flight.pilots, to_make),
+        bytes=round(each * to_make) + (flight.empty_bytes if is_new else 0),
+        peak_bytes=team * max(pilot.peak_bytes for pilot in flight.pilots),
+        success_rate=store.success_rate,
+        success_interval=wilson(store.successes, store.committed) if store.committed else None,
+    )
+
+
+def makespan(durations: Iterable[float], workers: int, start_up: float) -> float:
+    """Return the seconds that blocks take, each going to the worker that is free first.
+
+    Args:
+        durations: of the blocks in their order, seconds.
+        workers: how many there are; each is replaced after ``BLOCKS_PER_PROCESS`` blocks.
+        start_up: seconds before a new worker begins its first block.
+    """
+    free = [(start_up, 0)] * workers
+    for seconds in durations:
+        moment, done = heapq.heappop(free)
+        if done == BLOCKS_PER_PROCESS:
+            moment, done = moment + start_up, 0
+        heapq.heappush(free, (moment + seconds, done + 1))
+    return max(moment for moment, done in free if done)
+
+
+def wilson(successes: int, n: int) -> tuple[float, float]:
+    """Return the 95 % interval of a rate, also good for few attempts and for none that failed."""
+    rate, square = successes / n, Z95**2
+    center = (rate + square / (2 * n)) / (1 + square / n)
+    half = Z95 / (1 + square / n) * math.sqrt(rate * (1 - rate) / n + square / (4 * n * n))
+    return max(0.0, center - half), min(1.0, center + half)

@@ -1,0 +1,186 @@
+"""Pilots: some blocks of a run, made by the run's own code in a store that is thrown away."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import math
+import os
+import resource
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from grasp_factory import carried
+from grasp_factory.dataset import Dataset
+from grasp_factory.executors import Report, make_executor
+from grasp_factory.factory import BlockMaker, Made, check_names
+from grasp_factory.request import Request
+from grasp_factory.summary import StoreSummary, summarise
+from grasp_factory.writers.files import cannot_write, locate
+from grasp_factory.writers.store import prepare_store
+
+ENOUGH = 0.05
+"""Pilots end when the standard error of the predicted time is below this share of it: three times
+that is what a run may miss its forecast by."""
+FEWEST, MOST = 16, 256
+"""Episodes. Fewer say little of their own spread; as the time of an attempt varies by some 60 % of
+its mean, 144 are enough for a run of any length."""
+_ENOUGH_MARK = "enough"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pilot:
+    """A block that was made. Moments are on the clock that all processes share, seconds."""
+
+    block: int
+    worker: int
+    started: float
+    ended: float
+    episodes: tuple[float, ...]
+    """Seconds of each, with its share of writing the block."""
+    peak_bytes: int
+    """Largest memory of the worker so far."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """What came of the pilots. Seconds are those a run pays once, whatever its length."""
+
+    pilots: tuple[Pilot, ...]
+    prepare_seconds: float
+    """Of making the empty store."""
+    start_seconds: float
+    """From the start of a worker's process to its first block; next to 0 without processes."""
+    finish_seconds: float
+    """From the end of the last block to the summary."""
+    empty_bytes: int
+    store: StoreSummary
+
+
+def fly(
+    request: Request, length: int, blocks: Sequence[int], to_make: int,
+    on_episode: Callable[[Made], None],
+) -> Flight:  # fmt: skip
+    """Make blocks of a run, drawn from all over it, until they say enough.
+
+    As many workers as asked are at it, beside the run's own store, so that what they cost each
+    other is in it, and what the disk costs.
+
+    Args:
+        request: the run.
+        length: rows of its store.
+        blocks: those that are missing.
+        to_make: episodes in them.
+        on_episode: called for each pilot as it is made.
+
+    Raises:
+        StoreMismatchError: if nothing can be written there.
+        StoreError: if the disk fails.
+        WorkerError: if a worker died.
+    """
+    config, pilots = request.config, list[Pilot]()
+    most = max(request.workers, math.ceil(MOST / config.block_size))
+    drawn = np.random.default_rng(0).permutation(blocks)[:most].tolist()
+    with _place_beside(request.out) as place:
+        store, begun = place / "pilots.zarr", time.monotonic()
+        robot = check_names(config)
+        facts, objects = {"robot": robot.facts()}, carried.packed(config)
+        prepare_store(store, config, len(robot.arm_joints), length, facts, objects=objects)
+        prepared = time.monotonic()
+        empty_bytes = summarise(Dataset.open(store)).bytes
+
+        def hear(message: Made | Pilot) -> None:
+            if isinstance(message, Made):
+                on_episode(message)
+                return
+            pilots.append(message)
+            if is_enough(pilots, to_make):
+                (place / _ENOUGH_MARK).touch()
+
+        called = time.monotonic()
+        with contextlib.closing(BlockMaker(config, store)) as make:
+            task = functools.partial(_make_pilot, make=make, enough=place / _ENOUGH_MARK)
+            make_executor(request.workers).run(task, drawn, hear)
+        return Flight(
+            pilots=tuple(pilots),
+            prepare_seconds=prepared - begun,
+            start_seconds=_mean_start(pilots) - called,
+            store=summarise(Dataset.open(store)),
+            finish_seconds=time.monotonic() - max(pilot.ended for pilot in pilots),
+            empty_bytes=empty_bytes,
+        )
+
+
+def episode_seconds(pilots: Sequence[Pilot]) -> list[float]:
+    """Return the seconds of all episodes."""
+    return [seconds for pilot in pilots for seconds in pilot.episodes]
+
+
+def relative_error(pilots: Sequence[Pilot], to_make: int) -> float:
+    """Return the standard error of the time of a run, as a share of it.
+
+    It is 0 when the pilots are all of the run, and infinite for fewer than two.
+    """
+    seconds = np.array(episode_seconds(pilots))
+    if len(seconds) < 2:
+        return 0.0 if len(seconds) == to_make else math.inf
+    share = max(0.0, 1.0 / len(seconds) - 1.0 / to_make)
+    return float(seconds.std(ddof=1) / seconds.mean() * math.sqrt(share))
+
+
+def is_enough(pilots: Sequence[Pilot], to_make: int) -> bool:
+    """Say whether more pilots would tell little more about a run."""
+    made = sum(len(pilot.episodes) for pilot in pilots)
+    return made >= FEWEST and relative_error(pilots, to_make) < ENOUGH
+
+
+def _make_pilot(block: int, report: Report, *, make: BlockMaker, enough: Path) -> None:
+    """Make a block unless there are enough; runs in a worker."""
+    if enough.exists():
+        return
+    moments = [time.monotonic()]
+
+    def count(made: Made) -> None:
+        moments.append(time.monotonic())
+        report(made)
+
+    make(block, count)
+    ended = time.monotonic()
+    alone = np.diff(moments)
+    each = alone + (ended - moments[-1]) / len(alone)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # Linux counts in kB
+    report(
+        Pilot(
+            block=block,
+            worker=os.getpid(),
+            started=moments[0],
+            ended=ended,
+            episodes=tuple(each.tolist()),
+            peak_bytes=peak,
+        )
+    )
+
+
+def _mean_start(pilots: Sequence[Pilot]) -> float:
+    """Return the mean over the workers of when they began."""
+    firsts: dict[int, float] = {}
+    for pilot in sorted(pilots, key=lambda pilot: pilot.started):
+        firsts.setdefault(pilot.worker, pilot.started)
+    return sum(firsts.values()) / len(firsts)
+
+
+@contextlib.contextmanager
+def _place_beside(out: Path) -> Iterator[Path]:
+    """Give a folder on the disk of ``out``, and remove it."""
+    target = locate(out)
+    try:
+        folder = tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.pilots-")
+    except OSError as error:
+        raise cannot_write(out, error) from None
+    with folder as place:
+        yield Path(place)

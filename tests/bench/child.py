@@ -1,0 +1,30 @@
+"""Runs one contestant in this process and writes its score: ``python -m bench.child``."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import grasp_factory.world.engine  # noqa: F401  imports PyBullet without its greeting
+from bench.score import NotAvailable, Settings
+
+
+def main(function: str, settings: str, result: str) -> None:
+    """Call ``module:function`` with the settings, and leave its score as JSON.
+
+    A file and not stdout, because PyBullet prints there as it likes.
+    """
+    module, _, name = function.partition(":")
+    try:
+        score = getattr(import_module(module), name)(Settings(**json.loads(settings)))
+        answer = dataclasses.asdict(score)
+    except NotAvailable as why:
+        answer = {"not_available": str(why)}
+    Path(result).write_text(json.dumps(answer), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
