@@ -199,7 +199,10 @@ def _serve(task: Task[Any], pipe: connection.Connection[Any, Any]) -> None:
 def _leave(*_: Any) -> None:
     # A second one would cut the tidying short. Not SIG_IGN: Python complains of one on its way.
     signal.signal(signal.SIGTERM, lambda *_: None)
-    sys.exit(128 + signal.SIGTERM)
+    code = 128 + signal.SIGTERM
+    # Where this interrupts a finaliser, the exit would only be printed, and the worker go on.
+    sys.unraisablehook = lambda _: os._exit(code)
+    sys.exit(code)
 
 
 def _die_with_parent() -> None:
