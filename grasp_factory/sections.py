@@ -200,7 +200,7 @@ class ShakeConfig:
 
     The arm follows to 2 % up to level 2 and no longer at 5 (IMU peaks down to 4.4).
     """
-    cycle_s: float = 0.15
+    cycle_s: float = 0.12
     """Seconds of one motion to and fro; it is shorter where a joint would be too slow."""
     lever: float = 0.10
     """Metres from the approach axis at which the turn's acceleration is that of the level."""

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from grasp_factory.records import check_range
 
+FREE_RESIDUAL, CONTACT_RESIDUAL = 1e-6, 1e-7
+"""While nothing is held, a millimetre per second is exact enough; then the engine's default."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stepping:
@@ -19,6 +22,8 @@ class Stepping:
     """Passes over a step's constraints, at the most."""
     motor_iterations: int
     """Passes over the motors in each of these."""
+    residual: float
+    """It is solved when a pass changes no velocity by more than the root of this, m/s or rad/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,12 +53,13 @@ class PhysicsConfig:
     @property
     def free(self) -> Stepping:
         """How time advances while nothing is held."""
-        return Stepping(self.free_hz, self.solver_iterations, 1)
+        return Stepping(self.free_hz, self.solver_iterations, 1, FREE_RESIDUAL)
 
     @property
     def contact(self) -> Stepping:
         """How time advances from the first touch on."""
-        return Stepping(self.contact_hz, self.contact_iterations, self.motor_iterations)
+        iterations = (self.contact_iterations, self.motor_iterations)
+        return Stepping(self.contact_hz, *iterations, CONTACT_RESIDUAL)
 
     def __post_init__(self) -> None:
         check_range(self, "free_hz", 60, 10_000, "Hz")

@@ -522,7 +522,7 @@ def fall(world: World, item: ObjectModel) -> float:
     assert isinstance(item.body, Compound)
     assert 0.0 < item.mass <= 5.0
     world.reset(PhysicsConfig())
-    world.set_stepping(Stepping(240, 100, 1))
+    world.set_stepping(Stepping(240, 100, 1, 1e-7))
     world.add_box((1.0, 1.0, 0.05), (0.0, 0.0, -0.05), (1.0, 1.0, 1.0, 1.0))
     body = world.add_compound(item.body, drop_pose(item), mass=item.mass)
     assert world.mass(body) == pytest.approx(item.mass)

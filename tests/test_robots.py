@@ -34,7 +34,7 @@ class TestRobot:
         width = robot.model.gripper.max_width if width is None else width
         home = list(robot.model.home)
         robot.command(home, [0.0] * len(home), width, hz)
-        world.set_stepping(Stepping(hz, 100, 1))
+        world.set_stepping(Stepping(hz, 100, 1, 1e-7))
         for _ in range(round(seconds * hz)):
             world.step()
 
@@ -94,7 +94,7 @@ class TestRobot:
         box = world.add_box((0.015, 0.015, 0.015), T[:3, 3], (1, 1, 1, 1), mass=0.05)
         world.change_dynamics(box, -1, lateralFriction=0.5)
         world.seal()
-        world.set_stepping(Stepping(hz, 100, 1))
+        world.set_stepping(Stepping(hz, 100, 1, 1e-7))
         home = list(model.home)
         robot.command(home, [0.0] * len(home), 0.032, hz)
         robot.command_grip(speed=0.05, force=20.0)

@@ -87,6 +87,7 @@ class World:
             fixedTimeStep=1.0 / stepping.hz,
             numSolverIterations=stepping.iterations,
             numNonContactInnerIterations=stepping.motor_iterations,
+            solverResidualThreshold=stepping.residual,
             physicsClientId=self._client,
         )
 
@@ -250,10 +251,6 @@ class World:
     def com_frame(self, body: int) -> Row:
         """Return (position, quat_xyzw) of a body's inertial frame, which is centred on its COM."""
         return tuple(p.getBasePositionAndOrientation(body, physicsClientId=self._client))
-
-    def velocity(self, body: int) -> Row:
-        """Return (linear m/s, angular rad/s) of a body's centre of mass, world."""
-        return tuple(p.getBaseVelocity(body, physicsClientId=self._client))
 
     def bounds(self, body: int) -> tuple[Sequence[float], Sequence[float]]:
         """Return the corners (lower, upper) of the box around a body's base, world, metres."""
