@@ -63,7 +63,7 @@ class PhysicsConfig:
 
     def __post_init__(self) -> None:
         check_range(self, "free_hz", 60, 10_000, "Hz")
-        check_range(self, "contact_hz", 60, 10_000, "Hz")
+        check_range(self, "contact_hz", 120, 10_000, "Hz")
         check_range(self, "solver_iterations", 1, 1000)
         check_range(self, "contact_iterations", 1, 1000)
         check_range(self, "motor_iterations", 1, 100)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,16 @@ class Encoders(Sensor):
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._joints: list[Any] = []
-        self._hand: list[Any] = []
-        self._targets: list[Any] = []
+        self._joints, self._hand, self._targets = array("d"), array("d"), array("d")
 
     def sample(self, tick: Tick) -> None:
         """Keep the joints' states and the hand's frame."""
-        self._joints.append([(state[0], state[1], state[3]) for state in tick.joints[:-1]])
-        position, quat = tick.frames[0]
-        self._hand.append((*position, *quat))
-        self._targets.append((*tick.joint_position_targets, tick.gripper_width_target))
+        for position, velocity, _, torque in tick.joints[:-1]:
+            self._joints.extend((position, velocity, torque))
+        for part in tick.frames[0]:
+            self._hand.extend(part)
+        self._targets.extend(tick.joint_position_targets)
+        self._targets.append(tick.gripper_width_target)
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return the joint, gripper and TCP streams."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,6 @@ from numpy.typing import NDArray
 from grasp_factory.geometry import Array, Pose, inverse, quat_xyzw_to_matrix
 from grasp_factory.robots import Robot
 from grasp_factory.world import World
-
-Motion = tuple[Any, ...]
 
 
 class WristImu:
@@ -26,19 +25,20 @@ class WristImu:
         self._world, self._robot = world, robot
         self._gravity = np.array([0.0, 0.0, -gravity])
         self._timestamps: list[float] = []
-        self._motions: list[Motion] = [self._read()]
+        self._motions = array("d")
+        self._read()
 
     def sample(self, timestamp: float) -> None:
         """Read the world without stepping it."""
         self._timestamps.append(timestamp)
-        self._motions.append(self._read())
+        self._read()
 
     def series(self) -> dict[str, NDArray[Any]]:
         """Return timestamp (n,), specific force and angular velocity (n, 3), and where it sits."""
         times = np.array([0.0, *self._timestamps])
-        R = quat_xyzw_to_matrix([motion[1] for motion in self._motions])
-        angular = np.array([motion[3] for motion in self._motions])
-        velocity = self._origin_velocities(R, angular)
+        motions = np.array(self._motions).reshape(-1, 13)
+        R, angular = quat_xyzw_to_matrix(motions[:, 3:7]), motions[:, 10:]
+        velocity = self._origin_velocities(R, motions[:, 7:10], angular)
         acceleration = np.diff(velocity, axis=0) / np.diff(times)[:, None]
         force = np.einsum("nji,nj->ni", R[1:], acceleration - self._gravity)
         return {
@@ -48,13 +48,14 @@ class WristImu:
             "T_tcp_imu": self._T_tcp_imu(),
         }
 
-    def _read(self) -> Motion:
-        return self._world.link_motion(self._robot.body, self._robot.first_tool_link)
+    def _read(self) -> None:
+        """Keep position, quat_xyzw, linear and angular velocity, 13 numbers."""
+        for part in self._world.link_motion(self._robot.body, self._robot.first_tool_link):
+            self._motions.extend(part)
 
-    def _origin_velocities(self, R: Array, angular: Array) -> Array:
+    def _origin_velocities(self, R: Array, linear: Array, angular: Array) -> Array:
         """Return the velocity of the frame's origin: Bullet gives that of the link's COM."""
         com = self._world.inertial_frame(self._robot.body, self._robot.first_tool_link).position
-        linear = np.array([motion[2] for motion in self._motions])
         return np.asarray(linear + np.cross(angular, -(R @ np.array(com))))
 
     def _T_tcp_imu(self) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from typing import Any
 
@@ -25,11 +26,13 @@ class ObjectTracker(Sensor):
 
     def __init__(self, world: World, bodies: Sequence[int]) -> None:
         self._world, self._bodies = world, bodies
-        self._rows: list[list[Any]] = []
+        self._rows = array("d")
 
     def sample(self, tick: Tick) -> None:
         """Read the poses."""
-        self._rows.append([(*p, *q) for p, q in map(self._world.com_frame, self._bodies)])
+        for body in self._bodies:
+            for part in self._world.com_frame(body):
+                self._rows.extend(part)
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return ``object_pose`` (samples, M, 7)."""

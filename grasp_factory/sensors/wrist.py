@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import Any
 
 import numpy as np
@@ -23,11 +24,11 @@ class WristForceTorque(Sensor):
 
     def __init__(self, world: World, robot: Robot) -> None:
         self._world, self._robot = world, robot
-        self._rows: list[Any] = []
+        self._rows = array("d")
 
     def sample(self, tick: Tick) -> None:
         """Keep the joint's reaction."""
-        self._rows.append(tick.joints[-1][2])
+        self._rows.extend(tick.joints[-1][2])
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return ``wrist_wrench`` (samples, 6): force N, torque N m."""

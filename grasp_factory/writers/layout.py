@@ -11,10 +11,9 @@ from zarr.codecs import ZstdCodec
 from grasp_factory import schema
 from grasp_factory.config import FactoryConfig
 
-# Plain zstd for everything. Measured on 8 episodes of the default config, all float32 streams
-# together, per episode: zstd 3 57 KiB in 0.8 ms, blosc zstd 3 with byte-shuffle 47 KiB in 1.3 ms,
-# with bitshuffle 61 KiB. The 10 KiB that byte-shuffle saves, of about 310 KiB with the images, are
-# not worth a second codec.
+# Plain zstd for everything; docs/scale.md has other codecs beside it. Level 3 makes an episode 1 %
+# smaller and takes half as long again. Byte-shuffle would save 10 KiB of the streams' 57, of about
+# 330 KiB with the images, which is not worth a second codec.
 ZSTD_LEVEL = 1
 
 # Chunk files are named 3.0.0 instead of c/3/0/0: no directory per shard, one fsync makes all
