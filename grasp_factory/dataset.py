@@ -218,7 +218,7 @@ class Dataset:
             UnknownNameError, IndexError, StoreError: as ``image`` does.
         """
         self._readings.image_path(camera, kind)  # a wrong name is told before a wrong index
-        if frame not in (0, 1):
+        if not is_integer(frame) or frame not in (0, 1):
             raise IndexError(f"frame {frame}: valid: 0 (before) and 1 (after)")
         rows = [self._committed_row(index) for index in indices]
         return self._readings.images(rows, camera, kind, frame)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import glob
 import math
 import os
 import resource
+import shutil
+import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -176,10 +179,14 @@ def _mean_start(pilots: Sequence[Pilot]) -> float:
 
 @contextlib.contextmanager
 def _place_beside(out: Path) -> Iterator[Path]:
-    """Give a folder on the disk of ``out``, and remove it."""
+    """Give a folder on the disk of ``out``, and remove it, with what killed ones have left."""
     target = locate(out)
+    head = f".{target.name}.pilots-{socket.gethostname()}-"
+    for left in target.parent.glob(f"{glob.escape(head)}*"):
+        if not Path(f"/proc/{left.name.removeprefix(head).partition('-')[0]}").exists():
+            shutil.rmtree(left, ignore_errors=True)
     try:
-        folder = tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.pilots-")
+        folder = tempfile.TemporaryDirectory(dir=target.parent, prefix=f"{head}{os.getpid()}-")
     except OSError as error:
         raise cannot_write(out, error) from None
     with folder as place:

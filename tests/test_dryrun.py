@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import socket
 from pathlib import Path
 
 import pytest
@@ -122,6 +123,14 @@ class TestForecast:
         with pytest.raises(KeyboardInterrupt):
             forecast(request(tmp_path / "ds.zarr", 8), stop)
         assert list(tmp_path.iterdir()) == []
+
+    def test_removes_what_a_killed_one_has_left(self, tmp_path: Path, fake: None) -> None:
+        head = f".out.pilots-{socket.gethostname()}"
+        dead, alive = (tmp_path / f"{head}-{pid}-x" for pid in (2**22 + 1, 1))
+        for left in (dead, alive):
+            (left / "pilots.zarr").mkdir(parents=True)
+        forecast(request(tmp_path / "out", 4))
+        assert list(tmp_path.iterdir()) == [alive]
 
     def test_of_a_run_that_is_all_pilots_the_disk_is_right_to_the_byte(
         self, tmp_path: Path

@@ -37,6 +37,8 @@ def main() -> None:
     """Measure what is asked for and print it."""
     asked = _arguments()
     names = asked.only or USUAL
+    if asked.json and not asked.json.absolute().parent.is_dir():
+        sys.exit(f"--json: there is no directory {asked.json.absolute().parent}")
     width, height = asked.resolution
     settings = Settings(episodes=asked.episodes, width=width, height=height)
     contestants = [name for name in names if name in CONTESTANTS]

@@ -66,7 +66,7 @@ def contest_figures(scores: Scores) -> list[Figure]:
     for name, over, under, value, bounds in _RATIOS:
         if over in scores and under in scores:
             pairs = zip(scores[over], scores[under], strict=True)
-            ratio = median(value(a) / value(b) for a, b in pairs)
+            ratio = median(value(a) / value(b) if value(b) else math.nan for a, b in pairs)
             figures.append(Figure(name=name, value=ratio, **bounds))
     for name in [name for name in ("factory", "two") if name in scores]:
         peak = max(score.peak_bytes for score in scores[name]) / MB
@@ -130,9 +130,12 @@ def memory_figures(score: Score) -> list[Figure]:
     """Return resident memory as episodes go by, and its growth since the first of them."""
     resident = {int(count): size / MB for count, size in score.details.items()}
     first, last = min(resident), max(resident)
-    return [
+    figures = [
         *(Figure(name=f"resident after {k}", value=resident[k], unit="MB") for k in resident),
         Figure(name="peak", value=score.peak_bytes / MB, unit="MB", at_most=400),
-        Figure(name=f"growth from {first} to {last}", value=resident[last] - resident[first],
-               unit="MB", at_most=20),
-    ]  # fmt: skip
+    ]
+    if last >= 2 * first:
+        growth = resident[last] - resident[first]
+        figures.append(Figure(name=f"growth from {first} to {last}", value=growth, unit="MB",
+                              at_most=20))  # fmt: skip
+    return figures
