@@ -61,7 +61,7 @@ def main() -> None:
 def _arguments() -> argparse.Namespace:
     valid = (*CONTESTANTS, *ALONE)
     parser = argparse.ArgumentParser(prog="bin/bench", description=__doc__)
-    parser.add_argument("--episodes", type=_positive, default=48, help="of every contestant")
+    parser.add_argument("--episodes", type=_positive, default=96, help="of every contestant")
     parser.add_argument("--rounds", type=_positive, default=3, help="turns of each")
     parser.add_argument("--resolution", type=_size, default=[640, 480], metavar="WxH")
     parser.add_argument("--json", type=Path, metavar="FILE", help="all figures and all scores")
