@@ -117,7 +117,7 @@ def ik_solutions(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> Array
 def track_path(
     chain: Chain, T_path: ArrayLike, start: ArrayLike, *, max_joint_step: float = MAX_JOINT_STEP
 ) -> PathResult:
-    """Follow waypoints (S, 4, 4) from the posture ``start`` (n,), each solved from the one before.
+    """Follow waypoints (S, 4, 4) from the posture ``start`` (n,).
 
     No joint moves more than ``max_joint_step`` rad between waypoints, nor from ``start`` to the
     first. On a path of short steps that also bounds the way between them: an arm of reach r

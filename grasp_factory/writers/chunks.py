@@ -17,11 +17,11 @@ from numcodecs import zstd  # type: ignore[import-untyped]
 from numcodecs.vlen import VLenUTF8  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-_ABSENT = 2**64 - 1
+ABSENT = 2**64 - 1
 """Offset and length, in a shard's index, of a chunk that was never written."""
 _CHECKSUM_BYTES = 4
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-_VLEN = VLenUTF8()
+VLEN = VLenUTF8()
 
 
 def unpack(data: bytes, out: NDArray[Any]) -> None:
@@ -37,7 +37,7 @@ def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
     content, count = zstd.decompress(data), int(np.prod(shape))
     if int.from_bytes(content[:4], "little") != count:
         raise ValueError(f"a chunk of another number of words than {count}")
-    words: NDArray[Any] = _VLEN.decode(content)
+    words: NDArray[Any] = VLEN.decode(content)
     return words.reshape(shape).astype(np.dtypes.StringDType())
 
 
@@ -76,7 +76,7 @@ class Shard:
             ValueError: if it lies beyond the file's end, or is of another size.
         """
         offset, length = self._index[chunk]
-        if offset == length == _ABSENT:
+        if offset == length == ABSENT:
             return False
         if offset + length > self._data_bytes:
             raise ValueError(f"a chunk at {offset} of {length} bytes, valid: {self._data_bytes}")

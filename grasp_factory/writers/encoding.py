@@ -11,18 +11,15 @@ from typing import Any
 import google_crc32c
 import numpy as np
 from numcodecs import zstd  # type: ignore[import-untyped]
-from numcodecs.vlen import VLenUTF8  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-_ABSENT = 2**64 - 1
-"""Offset and length, in a shard's index, of a chunk that is not there."""
-_VLEN = VLenUTF8()
+from grasp_factory.writers.chunks import ABSENT, VLEN
 
 
 def packed_chunk(values: NDArray[Any], level: int) -> bytes:
     """Return one chunk of numbers or words, compressed with zstd."""
     if values.dtype.kind == "O":
-        return bytes(zstd.compress(_VLEN.encode(values), level))
+        return bytes(zstd.compress(VLEN.encode(values), level))
     return bytes(zstd.compress(np.ascontiguousarray(values), level))
 
 
@@ -31,7 +28,7 @@ def packed_shard(pieces: Sequence[NDArray[Any]], chunks: int, level: int) -> byt
 
     After the chunks stand offset and length of each, and a CRC-32C of these.
     """
-    index = np.full((chunks, 2), _ABSENT, "<u8")
+    index = np.full((chunks, 2), ABSENT, "<u8")
     packed = [packed_chunk(piece, level) for piece in pieces]
     lengths = [len(data) for data in packed]
     index[: len(packed), 0] = np.cumsum([0, *lengths[:-1]])
