@@ -24,8 +24,6 @@ from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.header import open_store, read_array
 from grasp_factory.writers.stored import StoredArray, open_arrays
 
-_NOT_IN_CHECKSUM = ("episodes/status", "episodes/checksum", "episodes/error")
-
 
 class Dataset:
     """A store, opened for reading. Opening or reading never runs code from it.
@@ -262,8 +260,8 @@ class Dataset:
             row = read_rows(self._read, self._fields, i, i + 1)[0]
         except StoreError:
             return False
-        stored = str(row["episodes/checksum"])
-        return checksum({p: v for p, v in row.items() if p not in _NOT_IN_CHECKSUM}) == stored
+        contents = {p: v for p, v in row.items() if p not in schema.NOT_IN_AN_EPISODE}
+        return checksum(contents) == str(row[schema.CHECKSUM.path])
 
     def _present_row(self, index: int) -> tuple[int, int]:
         if not is_integer(index):

@@ -206,6 +206,8 @@ class Episode:
             "episodes/n_steps": np.asarray(self.n_steps, np.int32),
             "episodes/n_imu": np.asarray(self.n_imu, np.int32),
             "episodes/spec": np.asarray(self.spec.to_json()),
+            "episodes/seed": np.asarray(self.spec.seed, np.int64),
+            "episodes/index": np.asarray(self.spec.index, np.int64),
         }
         if self.videos:
             out["episodes/n_video"] = np.asarray(len(self.videos["timestamp"]), np.int32)
@@ -232,13 +234,17 @@ def checksum(contents: Mapping[str, NDArray[Any]]) -> str:
     """
     digest = hashlib.sha256()
     for path, array in sorted(contents.items()):
-        if array.dtype.kind == "U":
-            data, kind = "\0".join(array.ravel().tolist()).encode(), "string"
-        else:
-            data, kind = np.ascontiguousarray(array).data, array.dtype.newbyteorder("<").str  # type: ignore[assignment]
+        kind = "string" if array.dtype.kind == "U" else array.dtype.newbyteorder("<").str
         digest.update(f"{path} {kind} {array.shape}\n".encode())
-        digest.update(data)
+        digest.update(content_bytes(array))
     return digest.hexdigest()
+
+
+def content_bytes(array: NDArray[Any]) -> bytes | memoryview:
+    """Return the bytes of an array of an episode's contents; words are joined by NUL."""
+    if array.dtype.kind == "U":
+        return "\0".join(array.ravel().tolist()).encode()
+    return np.ascontiguousarray(array).data
 
 
 _COLUMN_DTYPES = {row.path: row.dtype for row in FIELDS if row.dtype != "string"}

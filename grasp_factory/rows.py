@@ -18,6 +18,8 @@ Row = dict[str, NDArray[Any]]
 NEEDED = frozenset(
     ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu", "n_video")
 )
+"""Columns that no store lacks."""
+_BESIDE = NEEDED | {"array_crc32c", "seed", "index"}
 """Columns that are not in ``Episode.columns``."""
 
 
@@ -70,7 +72,7 @@ def assemble(row: Mapping[str, NDArray[Any]], cameras: Iterable[str]) -> Episode
     return Episode(
         spec=EpisodeSpec.from_json(str(columns["spec"])),
         outcome=Outcome(int(columns["outcome"])),
-        columns={name: _plain(v) for name, v in columns.items() if name not in NEEDED},
+        columns={name: _plain(v) for name, v in columns.items() if name not in _BESIDE},
         cameras={name: CameraFrames(**groups[f"cameras/{name}"]) for name in cameras},
         streams=groups["streams"],
         imu=groups["imu"],

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -83,15 +84,25 @@ _SENSOR = "ft_sensor: at the wrist flange, axes parallel to the TCP frame's"
 
 STATUS = _f("episodes/status", (), "uint8", "commit marker, written last", names=_STATUS)
 CHECKSUM = _f("episodes/checksum", (), "string", "SHA-256 over the episode's contents")
+DIGESTS = _f("episodes/array_crc32c", ("A",), "uint32",
+             "CRC-32C of the episode's values of each array that the attribute arrays names")
+ERROR = _f("episodes/error", (), "string", "why the episode is quarantined")
+NOT_IN_AN_EPISODE = (STATUS.path, CHECKSUM.path, DIGESTS.path, ERROR.path)
+"""Arrays that say something about an episode's contents, and are none of them."""
 
 FIELDS: tuple[Field, ...] = (
     STATUS,
     CHECKSUM,
+    DIGESTS,
     _f("episodes/success", (), "bool", "the label: outcome is success"),
     _f("episodes/outcome", (), "uint8", "how the attempt ended", names=_OUTCOMES,
        empty=255),
     _f("episodes/spec", (), "string", "JSON recipe: running it gives this episode again"),
-    _f("episodes/error", (), "string", "why the episode is quarantined"),
+    ERROR,
+    _f("episodes/seed", (), "int64", "seed of the config that the recipe was drawn from",
+       empty=-1),
+    _f("episodes/index", (), "int64", "index of the recipe under that seed; in a store that"
+       " generate made it is the row's number", empty=-1),
     _f("episodes/n_steps", (), "int32", "valid length of the streams"),
     _f("episodes/n_imu", (), "int32", "valid length of the IMU's series"),
     _f("episodes/n_video", (), "int32", "valid length of the videos, where there are any"),
@@ -211,6 +222,7 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
         "J": joints,
         "V": config.longest_video,
         "M": config.clutter.count,
+        "A": len(digested(config)),
         "P": MAX_CONTACTS,
         "H": height,
         "W": width,
@@ -219,11 +231,21 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
 
 def expand(config: FactoryConfig) -> tuple[Field, ...]:
     """Return the fields of a config's store, with one row per camera."""
-    labels = tuple(label_names(config.clutter.count))
+    return _expand(tuple(config.cameras), config.clutter.count, bool(config.video_hz))
+
+
+def digested(config: FactoryConfig) -> tuple[str, ...]:
+    """Return the paths of the arrays that an episode's contents are made of."""
+    return tuple(row.path for row in expand(config) if row.path not in NOT_IN_AN_EPISODE)
+
+
+@lru_cache
+def _expand(cameras: tuple[str, ...], objects: int, has_videos: bool) -> tuple[Field, ...]:
+    labels = tuple(label_names(objects))
     out: list[Field] = []
-    for camera in ("", *config.cameras):
+    for camera in ("", *cameras):
         for row in FIELDS:
-            if "n_video" in row.path + row.length_column and not config.video_hz:
+            if "n_video" in row.path + row.length_column and not has_videos:
                 continue
             if ("{camera}" in row.path) is bool(camera):
                 words = labels if row.names == _LABELS else row.names

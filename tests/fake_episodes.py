@@ -122,7 +122,10 @@ def make_rows(
     ]
 
 
-_OWN = ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu", "n_video")
+_OWN = (
+    *("status", "checksum", "array_crc32c", "success", "outcome", "spec", "error", "seed", "index"),
+    *("n_steps", "n_imu", "n_video"),
+)
 
 
 def _random(rng: np.random.Generator, row: schema.Field, shape: tuple[int, ...]) -> Any:

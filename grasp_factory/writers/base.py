@@ -5,9 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from grasp_factory.episode import Episode, EpisodeSpec
 from grasp_factory.errors import StoreError
+from grasp_factory.schema import ERROR
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +22,15 @@ class Quarantined:
     spec: EpisodeSpec
     reason: str
     """One line, the same for the same recipe: it is part of the dataset's bytes."""
+
+    def contents(self) -> dict[str, NDArray[Any]]:
+        """Return what a store keeps of it, by path; its checksum is over that."""
+        return {
+            "episodes/spec": np.asarray(self.spec.to_json()),
+            "episodes/seed": np.asarray(self.spec.seed, np.int64),
+            "episodes/index": np.asarray(self.spec.index, np.int64),
+            ERROR.path: np.asarray(self.reason.encode(errors="replace").decode()),
+        }
 
 
 class Writer(ABC):
@@ -45,3 +59,13 @@ def check_rows(block: int, rows: Sequence[Episode | Quarantined], first: int, mo
     if not got or got != list(range(first, first + min(len(got), most))):
         valid = f"1 to {most} consecutive episodes from {first} on"
         raise StoreError(f"block {block}: got episodes {got}, valid: {valid}")
+
+
+def check_count(block: int, rows: Sequence[Episode | Quarantined], most: int) -> None:
+    """Check that there are 1 to ``most`` rows, whatever their recipes' indices.
+
+    Raises:
+        StoreError: naming the block, how many it got and what is valid.
+    """
+    if not 1 <= len(rows) <= most:
+        raise StoreError(f"block {block}: got {len(rows)} episodes, valid: 1 to {most}")

@@ -23,6 +23,10 @@ from grasp_factory.writers.files import locate
 LICENSE = "MIT"
 _NEEDED = {"config": dict, "config_sha256": str, "versions": dict, "platform": dict}
 """Attributes that every reader counts on, with their JSON types."""
+SOURCES = "sources"
+"""The attribute that only stores have which were put together from others: what is from where.
+
+Their rows have recipes of any seed and index, which the columns of these names tell."""
 CONVENTIONS = {
     "units": "SI: metres, kilograms, seconds, newtons, radians; each array has its own attribute",
     "quaternion": "xyzw, scalar last, unit",

@@ -16,6 +16,7 @@ from grasp_factory.errors import UsageError
 from grasp_factory.outcome import Outcome, names
 from grasp_factory.writers.files import fsync_tree
 from grasp_factory.writers.header import open_store
+from grasp_factory.writers.seals import VALUES_SEAL, seal, values_digest
 
 LONGEST_NAME = 64
 NOT_LABELLED = 255
@@ -48,8 +49,11 @@ def write_label(
     for column, (values, fill, more) in columns.items():
         array = group.create_array(
             column, shape=values.shape, dtype=values.dtype, chunks=(max(1, len(values)),),
-            fill_value=fill, attributes=attributes | more, dimension_names=["episode"],
+            fill_value=fill, dimension_names=["episode"],
+            attributes=attributes | more | {VALUES_SEAL: values_digest(values)},
         )  # fmt: skip
         array[:] = values
+    for metadata in aside.rglob("zarr.json"):
+        seal(metadata)
     fsync_tree(aside)
     os.replace(aside, path / "labels" / name)

@@ -29,6 +29,7 @@ _DIMENSIONS = {
     "J": "joint",
     "M": "object",
     "P": "contact",
+    "A": "array",
     "U": "imu_step",
     "V": "video_frame",
     "H": "row",
@@ -65,7 +66,7 @@ def create_array(
         compressors=[ZstdCodec(level=ZSTD_LEVEL)],
         chunk_key_encoding=KEYS,  # type: ignore[arg-type]
         dimension_names=dimension_names(row),
-        attributes=attributes(row),
+        attributes=attributes(row, config),
         config=RUNTIME,
     )
 
@@ -80,13 +81,15 @@ def dimension_names(row: schema.Field) -> list[str]:
     return ["episode", *own]
 
 
-def attributes(row: schema.Field) -> dict[str, Any]:
-    """Return an array's attributes: units (empty: none), description, frame and names."""
+def attributes(row: schema.Field, config: FactoryConfig) -> dict[str, Any]:
+    """Return an array's attributes: units (empty: none), description, frame, names, arrays."""
     out: dict[str, Any] = {"units": row.units, "description": row.description}
     if row.frame:
         out["frame"] = row.frame
     if row.names:
         out["names"] = list(row.names)
+    if row == schema.DIGESTS:
+        out["arrays"] = list(schema.digested(config))
     return out
 
 

@@ -10,6 +10,7 @@ from zarr.codecs import ZstdCodec
 
 from grasp_factory.writers.header import open_array, open_store, read_array
 from grasp_factory.writers.layout import KEYS, ZSTD_LEVEL
+from grasp_factory.writers.seals import VALUES_SEAL, values_digest
 
 GROUP = "objects"
 CHUNK = 1 << 24
@@ -29,6 +30,7 @@ def add_objects(root: zarr.Group, name: str, archive: bytes) -> None:
         attributes={
             "units": "",
             "description": "zip file of a manifest and the converted meshes of this set",
+            VALUES_SEAL: values_digest(data),
         },
     )
     array[:] = data

@@ -15,12 +15,13 @@ from grasp_factory.writers.aside import PARTIAL, AsideStore, aside
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.files import fsync
 from grasp_factory.writers.packed import BYTES, FOLDER, WORDS, coded, segments
+from grasp_factory.writers.seals import is_sealed, seal
 from grasp_factory.writers.sizes import bytes_of_blocks
 
 SEGMENT_BLOCKS = 1024
 """Blocks of a segment. Fewer than this are not packed, of which a column is read in 30 ms; a
 million episodes have 122 segments."""
-NOT_PACKED = ("checksum", "spec", "error")
+NOT_PACKED = ("checksum", "array_crc32c", "spec", "error")
 """Columns that are long, and that nobody filters by."""
 
 
@@ -87,7 +88,7 @@ def _members(columns: Columns, blocks: range) -> dict[str, NDArray[Any]]:
 
 def _write(path: Path, blocks: range, members: dict[str, NDArray[Any]]) -> None:
     file = path / FOLDER / f"{blocks.start}-{blocks[-1]}.npz"
-    if not (path / FOLDER / "zarr.json").exists():
+    if not is_sealed(path / FOLDER / "zarr.json"):
         _create_folder(path)
     with aside(file).open("wb") as opened:
         np.savez(opened, allow_pickle=False, **members)  # has no dates: the same bytes each time
@@ -99,6 +100,7 @@ def _write(path: Path, blocks: range, members: dict[str, NDArray[Any]]) -> None:
 def _create_folder(path: Path) -> None:
     # An array of nothing. Zarr's readers list groups, and warn of files that are not theirs; they
     # do not look into arrays.
+    (path / FOLDER / "zarr.json").unlink(missing_ok=True)  # of one killed before its seal
     zarr.create_array(
         AsideStore(path),
         name=FOLDER,
@@ -107,4 +109,5 @@ def _create_folder(path: Path) -> None:
         dtype="uint8",
         attributes={"description": "place of columns packed for reading; derived, may be deleted"},
     )
-    fsync([path / FOLDER, path])
+    seal(path / FOLDER / "zarr.json")
+    fsync([path / FOLDER / "zarr.json", path / FOLDER, path])

@@ -23,6 +23,7 @@ from grasp_factory.writers.aside import aside
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.files import cannot_write, fsync, fsync_tree, locate
 from grasp_factory.writers.header import (
+    SOURCES,
     open_array,
     open_store,
     read_attributes,
@@ -30,6 +31,7 @@ from grasp_factory.writers.header import (
 )
 from grasp_factory.writers.layout import create_array, shape
 from grasp_factory.writers.objects import GROUP, add_objects
+from grasp_factory.writers.seals import seal, set_rows
 
 _OTHER = "choose another --out"
 _ASIDE = ".creating"
@@ -81,7 +83,8 @@ def prepare_store(
     target = locate(path)  # through a link to the store itself, which a rename would replace
     try:
         if _is_free(target):
-            _create(target, config, joints=joints, n=n, extra=extra, objects=objects)
+            attributes = root_attributes(config, extra)
+            create_store(target, config, attributes, joints=joints, n=n, objects=objects)
         else:
             _check_same(path, config)
             _grow(path, config, joints, n)
@@ -112,26 +115,42 @@ def _is_free(target: Path) -> bool:
     return (target / _ASIDE).is_dir() or not any(target.iterdir())
 
 
-def _create(
+def create_store(
     target: Path,
     config: FactoryConfig,
+    attributes: Mapping[str, Any],
     *,
     joints: int,
     n: int,
-    extra: Mapping[str, Any],
     objects: Mapping[str, bytes],
 ) -> None:
+    """Create an empty store where nothing is, or an empty directory; see ``prepare_store``.
+
+    Args:
+        target: its place, links followed (``files.locate``).
+        config: what decides its arrays.
+        attributes: the root's; those of ``header.root_attributes`` and more.
+        joints: joint count of the config's robot.
+        n: rows.
+        objects: archives of users' objects, by the name of their set.
+
+    Raises:
+        StoreMismatchError: if something that is not ours is in the way.
+        OSError: if the disk fails.
+    """
     inside = target.exists()  # an empty directory, perhaps a mount point: it stays what it is
     aside = target / _ASIDE if inside else target.with_name(f".{target.name}{_ASIDE}")
     if aside.exists():
         _remove_leftovers(target if inside else aside)
     aside.mkdir()
     try:
-        root = zarr.create_group(aside, zarr_format=3, attributes=root_attributes(config, extra))
+        root = zarr.create_group(aside, zarr_format=3, attributes=dict(attributes))
         for row in schema.expand(config):
             create_array(root, row, config, joints, n)
         for name, archive in objects.items():
             add_objects(root, name, archive)
+        for metadata in aside.rglob("zarr.json"):
+            seal(metadata)
         fsync_tree(aside)
         if inside:
             for piece in sorted(aside.iterdir(), key=lambda piece: piece.name == "zarr.json"):
@@ -176,6 +195,8 @@ def _check_same(path: Path, config: FactoryConfig) -> None:
         attributes = read_attributes(path)
     except StoreMismatchError as error:
         raise StoreMismatchError(f"{error}; {_OTHER}") from None
+    if SOURCES in attributes:
+        raise StoreMismatchError(f"{path} was put together from other stores; {_OTHER}")
     if attributes.get("config_sha256") != config.sha256():
         found = first_difference(attributes.get("config"), config.to_plain()) or "config_sha256"
         raise StoreMismatchError(
@@ -200,7 +221,7 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     for row, array in arrays.items():
         aside(path / row.path / "zarr.json").unlink(missing_ok=True)
         if array.shape[0] != n:
-            array.resize(shape(row, config, joints, n))
+            set_rows(path / row.path / "zarr.json", n)
             fsync([path / row.path / "zarr.json", path / row.path])
 
 

@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory import schema
-from grasp_factory.episode import Episode
+from grasp_factory.episode import Episode, checksum
 from grasp_factory.errors import StoreError
 from grasp_factory.schema import Field
 from grasp_factory.writers.aside import aside
-from grasp_factory.writers.base import Quarantined, Writer, check_rows
+from grasp_factory.writers.base import Quarantined, Writer, check_count, check_rows
+from grasp_factory.writers.digests import digests
 from grasp_factory.writers.encoding import packed_chunk, packed_shard
 from grasp_factory.writers.files import fsync, write_aside
-from grasp_factory.writers.header import open_array, open_store
+from grasp_factory.writers.header import SOURCES, open_array, open_store
 from grasp_factory.writers.layout import ZSTD_LEVEL, block_files
 from grasp_factory.writers.packed import unpack_block
 
 COMMITTED, QUARANTINED = 1, 2
-_NOT_IN_AN_EPISODE = ("episodes/status", "episodes/checksum", "episodes/error")
 
 Values = Mapping[str, NDArray[Any]]
 """One row of the store: array by path. What a path lacks is left at its fill value."""
@@ -46,7 +46,9 @@ class ZarrWriter(Writer):
         self.path = Path(path)
         root, config = open_store(self.path, mode="r+")
         self._fields = schema.expand(config)
+        self._digested = schema.digested(config)
         self._arrays = {row.path: open_array(root, row.path) for row in self._fields}
+        self._is_collected = SOURCES in root.attrs
         self.block_size = config.block_size
         self.length = self._arrays[schema.STATUS.path].shape[0]
 
@@ -56,7 +58,11 @@ class ZarrWriter(Writer):
         Rows of the block that are not given stay missing. See ``Writer.write_block``.
         """
         start = block * self.block_size
-        check_rows(block, rows, start, min(self.block_size, self.length - start))
+        room = min(self.block_size, self.length - start)
+        if self._is_collected:
+            check_count(block, rows, room)
+        else:
+            check_rows(block, rows, start, room)
         values = [self._values(row) for row in rows]
         self._clear(block)
         data = [field for field in self._fields if field != schema.STATUS]
@@ -66,20 +72,21 @@ class ZarrWriter(Writer):
 
     def _values(self, row: Episode | Quarantined) -> Values:
         if isinstance(row, Quarantined):
-            return {
-                "episodes/status": np.asarray(QUARANTINED),
-                "episodes/spec": np.asarray(row.spec.to_json()),
-                "episodes/error": np.asarray(row.reason.encode(errors="replace").decode()),
+            contents = row.contents()
+            return contents | {
+                schema.STATUS.path: np.asarray(QUARANTINED),
+                schema.CHECKSUM.path: np.asarray(checksum(contents)),
             }
         contents = row.contents()
         self._check_fits(f"episode {row.spec.index}", contents)
         return contents | {
-            "episodes/status": np.asarray(COMMITTED),
-            "episodes/checksum": np.asarray(row.checksum()),
+            schema.STATUS.path: np.asarray(COMMITTED),
+            schema.CHECKSUM.path: np.asarray(checksum(contents)),
+            schema.DIGESTS.path: digests(contents, self._digested),
         }
 
     def _check_fits(self, who: str, contents: Values) -> None:
-        fields = {row.path: row for row in self._fields if row.path not in _NOT_IN_AN_EPISODE}
+        fields = {row.path: row for row in self._fields if row.path in self._digested}
         for path in (*fields, *contents):
             if path not in contents:
                 raise StoreError(f"{who}: {path} is missing")

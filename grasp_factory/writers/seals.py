@@ -1,0 +1,69 @@
+"""Metadata that tells when it was changed: each ``zarr.json`` carries a checksum of itself.
+
+Left out of it is the number of rows, which grows; all arrays of a store have the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.writers.files import write_aside
+
+SEAL = "metadata_sha256"
+"""The attribute that holds it."""
+VALUES_SEAL = "values_sha256"
+"""The attribute of an array that is written once, as a whole: the SHA-256 of its bytes."""
+
+Document = dict[str, Any]
+
+
+def seal(file: Path) -> None:
+    """Add the seal to a ``zarr.json``."""
+    document = json.loads(file.read_bytes())
+    document["attributes"] = document.get("attributes", {}) | {SEAL: _digest(document)}
+    _write(file, document)
+
+
+def set_rows(file: Path, rows: int) -> None:
+    """Change the number of rows in the ``zarr.json`` of an array; its seal stays true."""
+    document = json.loads(file.read_bytes())
+    document["shape"][0] = rows
+    _write(file, document)
+
+
+def is_intact(document: Any) -> bool:
+    """Say whether a ``zarr.json``, parsed, is as it was sealed."""
+    attributes = document.get("attributes") if isinstance(document, dict) else None
+    return isinstance(attributes, dict) and attributes.get(SEAL) == _digest(document)
+
+
+def is_sealed(file: Path) -> bool:
+    """Say whether there is a ``zarr.json`` that is as it was sealed."""
+    try:
+        return is_intact(json.loads(file.read_bytes()))
+    except (OSError, ValueError, RecursionError):
+        return False
+
+
+def values_digest(values: NDArray[Any]) -> str:
+    """Return what ``VALUES_SEAL`` shall be for these values."""
+    return hashlib.sha256(np.ascontiguousarray(values).data).hexdigest()
+
+
+def _write(file: Path, document: Document) -> None:
+    write_aside(file, json.dumps(document, indent=2).encode())
+
+
+def _digest(document: Document) -> str:
+    attributes = {k: v for k, v in document["attributes"].items() if k != SEAL}
+    sealed = {**document, "attributes": attributes}
+    if isinstance(document.get("shape"), list):
+        sealed["shape"] = document["shape"][1:]
+    text = json.dumps(sealed, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
