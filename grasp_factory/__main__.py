@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import io
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from typing import Any, NoReturn
 
@@ -21,9 +21,14 @@ from grasp_factory.cli import (
     EXIT_USAGE,
     cli,
 )
-from grasp_factory.errors import GraspFactoryError, Terminated, UsageError
+from grasp_factory.errors import (
+    DISK_TROUBLE,
+    GraspFactoryError,
+    GraspFactoryWarning,
+    Terminated,
+    UsageError,
+)
 
-DISK_TROUBLE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS}
 LONGEST_MESSAGE = 1000
 
 
@@ -34,7 +39,7 @@ def main() -> NoReturn:
     """
     _mend_streams()
     try:
-        with _sigterm_as_exception():
+        with _signals_as_exceptions(), _warnings_as_lines():
             code = cli.main(prog_name="grasp-factory", standalone_mode=False) or EXIT_DONE
         sys.stdout.flush()
     except click.ClickException as error:
@@ -79,28 +84,61 @@ def _mend_streams() -> None:
 
 
 @contextlib.contextmanager
-def _sigterm_as_exception() -> Iterator[None]:
-    """Raise ``Terminated`` at the first SIGTERM, so that everything is left in good order."""
+def _signals_as_exceptions() -> Iterator[None]:
+    """Raise ``Terminated`` at SIGTERM as Ctrl-C raises, so that all is left in good order.
+
+    A second Ctrl-C ends it at once; so the workers end, too, and the store is as after a power cut.
+    """
 
     def terminate(*_: Any) -> NoReturn:
         # `timeout` sends it twice. Not SIG_IGN: Python complains of a signal on its way meanwhile.
         signal.signal(signal.SIGTERM, lambda *_: None)
         raise Terminated
 
-    before = signal.signal(signal.SIGTERM, terminate)
+    def interrupt(*_: Any) -> NoReturn:
+        signal.signal(signal.SIGINT, lambda *_: os._exit(EXIT_INTERRUPTED))
+        raise KeyboardInterrupt
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    signal.signal(signal.SIGTERM, terminate)
+    # A shell starts what is in the background with Ctrl-C ignored; so it stays.
+    if before[signal.SIGINT] is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _warnings_as_lines() -> Iterator[None]:
+    """Print this package's warnings as one line each on stderr."""
+    with warnings.catch_warnings():
+        shown = warnings.showwarning
+
+        def show(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, GraspFactoryWarning):
+                click.echo(f"Warning: {_in_one_line(str(message))}", err=True)
+            else:
+                shown(message, category, *where, **more)
+
+        warnings.simplefilter("always", GraspFactoryWarning)
+        warnings.showwarning = show
+        yield
 
 
 def _complain(message: str, code: int) -> int:
+    click.echo(f"Error: {_in_one_line(message)}", err=True)
+    return code
+
+
+def _in_one_line(message: str) -> str:
     line = "".join(c if c.isprintable() else _escaped(c) for c in " ".join(message.split()))
     if len(line) > LONGEST_MESSAGE:
         half = LONGEST_MESSAGE // 2
         line = f"{line[:half]} ... {line[-half:]}"
-    click.echo(f"Error: {line}", err=True)
-    return code
+    return line
 
 
 def _escaped(character: str) -> str:

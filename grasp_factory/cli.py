@@ -18,9 +18,10 @@ import click
 
 from grasp_factory import __version__
 from grasp_factory.arguments import AS_JSON, STORE, Commands, indices
+from grasp_factory.cli_merge import merge, split
 from grasp_factory.config import FactoryConfig
-from grasp_factory.errors import Terminated
-from grasp_factory.options import dataset_options, request_from
+from grasp_factory.errors import FailuresError, Terminated
+from grasp_factory.options import dataset_options, request_from, run_options
 from grasp_factory.records import to_plain
 from grasp_factory.request import Request
 
@@ -43,11 +44,7 @@ def cli(ctx: click.Context) -> None:
 
 
 @cli.command()
-@click.option("--n", type=int, help=f"Episodes that the store shall have.  [default: {DEFAULTS.n}]")
-@click.option(
-    "--workers", type=int, help=f"Processes; 1 works without a pool.  [default: {DEFAULTS.workers}]"
-)
-@click.option("--out", type=click.Path(), help=f"The store.  [default: {DEFAULTS.out}]")
+@run_options
 @dataset_options
 @click.option("--print-config", is_flag=True, help="Print the settings as YAML and make nothing.")
 @click.option("--dry-run", is_flag=True, help="Make some, keep none; say what the run would take.")
@@ -90,6 +87,11 @@ def generate(
         from grasp_factory.report import summary_text
 
         click.echo(summary_text(summary))
+    if summary.failed:
+        raise FailuresError(
+            f"{len(summary.quarantined)} of {summary.asked} episodes are quarantined, more than"
+            f" --max-failures {request.max_failures:g} allows; `grasp-factory info` counts them"
+        )
 
 
 @cli.command()
@@ -268,6 +270,9 @@ def _add_listing(name: str, help: str) -> None:
 _add_listing("robots", "List the robots.")
 _add_listing("policies", "List the policies, which choose grasps from images.")
 _add_listing("cameras", "List the cameras that have names.")
+
+for _command in (merge, split):
+    cli.add_command(_command)
 
 
 def _print_listing(rows: Mapping[str, str], as_json: bool) -> None:

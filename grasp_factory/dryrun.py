@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from grasp_factory import carried
+from grasp_factory.blocks import Made, block_range
 from grasp_factory.dataset import Dataset
-from grasp_factory.executors import BLOCKS_PER_PROCESS
-from grasp_factory.factory import Made, block_range, check_names
+from grasp_factory.executors import JOBS_PER_PROCESS
+from grasp_factory.factory import check_names
 from grasp_factory.pilots import Flight, episode_seconds, fly, relative_error
 from grasp_factory.request import Request
 from grasp_factory.writers.store import check_place, pending_blocks
@@ -138,13 +139,13 @@ def makespan(durations: Iterable[float], workers: int, start_up: float) -> float
 
     Args:
         durations: of the blocks in their order, seconds.
-        workers: how many there are; each is replaced after ``BLOCKS_PER_PROCESS`` blocks.
+        workers: how many there are; each is replaced after ``JOBS_PER_PROCESS`` blocks.
         start_up: seconds before a new worker begins its first block.
     """
     free = [(start_up, 0)] * workers
     for seconds in durations:
         moment, done = heapq.heappop(free)
-        if done == BLOCKS_PER_PROCESS:
+        if done == JOBS_PER_PROCESS:
             moment, done = moment + start_up, 0
         heapq.heappush(free, (moment + seconds, done + 1))
     return max(moment for moment, done in free if done)

@@ -8,21 +8,34 @@ GraspFactoryError
 ├── StoreError                  a store that cannot be read or written (exit code 1)
 │   └── StoreBusyError          another process holds the store
 ├── RecipeError                 a recipe that cannot be built; the episode is quarantined
-└── WorkerError                 a worker process died; what is committed stays
+├── WorkerError                 a worker process died; what is committed stays
+└── FailuresError               too many episodes are quarantined
 """
 
 from __future__ import annotations
 
 import difflib
+import errno
 import reprlib
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+DISK_TROUBLE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG}
+"""Numbers of errors that are the disk's, not the program's."""
+
 
 class Terminated(KeyboardInterrupt):
     """The process was asked to end, by SIGTERM; like Ctrl-C in all but the exit code."""
+
+
+class GraspFactoryWarning(UserWarning):
+    """Base of every warning of this package."""
+
+
+class StaleLockWarning(GraspFactoryWarning):
+    """A lock was taken over from a process that ended without letting go of it."""
 
 
 class GraspFactoryError(Exception):
@@ -62,6 +75,10 @@ class RecipeError(GraspFactoryError):
 
 class WorkerError(GraspFactoryError):
     """A worker process died before it had finished its block."""
+
+
+class FailuresError(GraspFactoryError):
+    """More episodes are quarantined than the run may have; the others are in the store."""
 
 
 class _Shown(reprlib.Repr):

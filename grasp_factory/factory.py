@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from grasp_factory import carried
+from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made, block_range
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
-from grasp_factory.errors import RecipeError, lookup
-from grasp_factory.executors import Report, make_executor
+from grasp_factory.errors import StoreBusyError, lookup
+from grasp_factory.executors import InlineExecutor, ProcessExecutor
+from grasp_factory.losses import Failures, Losses
 from grasp_factory.objects import OBJECT_SETS, find_set
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import check
-from grasp_factory.request import Request
+from grasp_factory.request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard
 from grasp_factory.robots import ROBOTS, RobotModel
-from grasp_factory.rollout import run_episode
 from grasp_factory.runlog import RunLog
-from grasp_factory.sampling import sample_spec
 from grasp_factory.summary import StoreSummary, summarise
-from grasp_factory.world import World
 from grasp_factory.world.connection import check_renderer
-from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.lock import StoreLock
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.lock import ShardLock, StoreLock
 from grasp_factory.writers.packing import is_time_to_pack, pack
 from grasp_factory.writers.store import check_place, pending_blocks, prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.writers.zarr import QUARANTINED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,21 +42,10 @@ class Plan:
     episodes: int
     """Rows of the store."""
     to_make: int
-    """Episodes in the blocks that are not there yet."""
+    """Episodes in the blocks of this run's part that are not there yet."""
     blocks: tuple[int, ...]
     workers: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Made:
-    """One episode, in few words: what travels from a worker instead of its images."""
-
-    index: int
-    policy: str
-    outcome: str
-    """``quarantined`` for a recipe that could not be built."""
-    reason: str = ""
-    """Why it is quarantined."""
+    shard: Shard
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,12 +53,17 @@ class Summary:
     """What a run did, and what the store holds now."""
 
     asked: int
+    """Episodes of the run's part of the store."""
     made: int
     already_there: int
     """Of those asked for."""
     seconds: float
     episodes_per_second: float | None
     """None when nothing was to be made."""
+    quarantined: Mapping[int, str]
+    """Of those asked for: which gave no episode, and why."""
+    failed: bool
+    """More of them than ``max_failures`` allows."""
     store: StoreSummary
 
 
@@ -80,60 +73,79 @@ def generate(
     out: Path | str,
     workers: int = 2,
     *,
+    shard: Shard = WHOLE,
+    episode_timeout: float | None = None,
+    max_failures: float = MAX_FAILURES,
     on_start: Callable[[Plan], None] = lambda plan: None,
     on_episode: Callable[[Made], None] = lambda made: None,
+    on_loss: Callable[[str], None] = lambda text: None,
 ) -> Summary:
     """Make sure that the store at ``out`` holds episodes 0 to ``n`` - 1 of ``config``.
 
-    What is there stays as it is; a run that was stopped goes on where it was. With more than one
-    worker, call it under ``if __name__ == "__main__":``, as everything that spawns processes.
+    What is there stays as it is; a run that was stopped goes on where it was. An episode that
+    cannot be made, raises, kills its worker twice or twice takes too long is quarantined.
+
+    With more than one worker, or a timeout, call it under ``if __name__ == "__main__":``, as
+    everything that spawns processes.
 
     Args:
         config: what decides the episodes' content.
         n: how many episodes the store shall have.
         out: the store, new or of the same config.
-        workers: processes; 1 works in this one.
+        workers: processes; 1 without a timeout works in this one, which an episode may then kill.
+        shard: the part of the store to make; others may make its other parts at the same time.
+        episode_timeout: seconds that an episode may take; None for 600 with several workers.
+        max_failures: the share of quarantined episodes that is still a success.
         on_start: called once with the plan, after every check and before the first episode.
         on_episode: called for each episode as it is made; its block is committed later.
+        on_loss: called with a line when a worker was lost and its block is made again.
 
     Raises:
         UsageError: for what cannot be done; nothing has been written.
         StoreError: if the store cannot be written, or another process is writing to it.
-        WorkerError: if a worker died; the blocks that were committed stay.
+        WorkerError: if workers are lost and no episode is to blame; what is committed stays.
+        FailuresError: if so much is quarantined that going on is no use; the rest is in the store.
     """
-    request = Request(config=config, n=n, workers=workers, out=Path(out))
+    seconds = EPISODE_TIMEOUT_S if episode_timeout is None else episode_timeout
+    request = Request(
+        config=config, n=n, workers=workers, out=Path(out), shard=shard,
+        episode_timeout=seconds, max_failures=max_failures,
+    )  # fmt: skip
+    is_here = workers == 1 and episode_timeout is None
+    executor = InlineExecutor() if is_here else ProcessExecutor(request.workers)
     path, start = request.out, time.monotonic()
     target = check_place(path, config)
     carried.unpack(path, config)
     robot = check_names(config)
     check_renderer(config.renderer)
-    with StoreLock(path), RunLog(target, request) as log:
-        facts = {"robot": robot.facts()}
-        objects = carried.packed(config)
-        prepare_store(path, config, len(robot.arm_joints), request.n, facts, objects=objects)
+    with _lock(request) as lock, RunLog(target, request) as log:
+        if lock.is_alone:
+            facts, objects = {"robot": robot.facts()}, carried.packed(config)
+            prepare_store(path, config, len(robot.arm_joints), request.n, facts, objects=objects)
+            lock.share()
         plan = _plan(request)
         on_start(plan)
         if plan.blocks:
             log.begin()
+            losses = Losses(config.block_size, request.episode_timeout or math.inf, on_loss)
+            failures = Failures(request.max_failures, plan.to_make)
 
-            def count(made: Made) -> None:
+            def hear(message: Begun | Made | Committed) -> None:
+                if not losses.is_news(message):
+                    return
+                assert isinstance(message, Made)
                 log.count()
-                if is_time_to_pack(made.index, config.block_size):
+                if lock.is_alone and is_time_to_pack(message.index, config.block_size):
                     pack(path)
-                on_episode(made)
+                on_episode(message)
+                failures.count(message)
 
+            jobs = [BlockJob(block=block) for block in plan.blocks]
             with contextlib.closing(BlockMaker(config, path)) as task:
-                make_executor(request.workers).run(task, plan.blocks, count)
-        pack(path)
-        seconds = time.monotonic() - start
-        return Summary(
-            asked=request.n,
-            made=plan.to_make,
-            already_there=_there(plan, request.n),
-            seconds=round(seconds, 3),
-            episodes_per_second=round(plan.to_make / seconds, 3) if plan.blocks else None,
-            store=summarise(Dataset.open(path)),
-        )
+                executor.run(task, jobs, hear, losses.recover, losses.silence)
+        if lock.try_alone():
+            pack(path)
+        return _summary(request, plan, time.monotonic() - start)
 
 
 def check_names(config: FactoryConfig) -> RobotModel:
@@ -158,69 +170,22 @@ def check_names(config: FactoryConfig) -> RobotModel:
     return robot
 
 
-class BlockMaker:
-    """Makes whole blocks and writes them; only ``Made`` records leave it.
-
-    It travels to a worker as config and path. There, or here, it opens its world and its writer at
-    its first block and keeps them: an episode does not notice those before it.
-    """
-
-    def __init__(self, config: FactoryConfig, path: Path) -> None:
-        self._config, self._path = config, path
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return BlockMaker, (self._config, self._path)
-
-    def __call__(self, block: int, report: Report) -> list[Made]:
-        """Make a block, and report each episode as it is made."""
-        rows: list[Episode | Quarantined] = []
-        done: list[Made] = []
-        for index in block_range(block, self._config.block_size, self._writer.length):
-            row = _make_row(self._world, self._config, index)
-            rows.append(row)
-            done.append(_in_few_words(row))
-            report(done[-1])
-        self._writer.write_block(block, rows)
-        return done
-
-    def close(self) -> None:
-        """Close the world, if one was opened in this process."""
-        if "_world" in self.__dict__:
-            self._world.close()
-
-    @cached_property
-    def _world(self) -> World:
-        return World(self._config.renderer)
-
-    @cached_property
-    def _writer(self) -> ZarrWriter:
-        return ZarrWriter(self._path)
-
-
-def block_range(block: int, block_size: int, length: int) -> range:
-    """Return the episodes of a block in a store of ``length`` rows."""
-    return range(block * block_size, min((block + 1) * block_size, length))
-
-
-def _make_row(world: World, config: FactoryConfig, index: int) -> Episode | Quarantined:
-    spec = sample_spec(config, index)
-    try:
-        return run_episode(world, spec)
-    except RecipeError as error:
-        return Quarantined(spec, str(error))
-
-
-def _in_few_words(row: Episode | Quarantined) -> Made:
-    more: dict[str, Any] = {"index": row.spec.index, "policy": row.spec.policy}
-    if isinstance(row, Quarantined):
-        return Made(outcome="quarantined", reason=row.reason, **more)
-    return Made(outcome=row.outcome.name.lower(), **more)
+def _lock(request: Request) -> StoreLock | ShardLock:
+    shard = request.shard
+    if shard.count == 1:
+        return StoreLock(request.out)
+    return ShardLock(request.out, shard.index % shard.count, shard.count)
 
 
 def _plan(request: Request) -> Plan:
-    blocks = tuple(pending_blocks(request.out, request.n))
-    length = len(Dataset.open(request.out))
-    size = request.config.block_size
+    length, size = len(Dataset.open(request.out)), request.config.block_size
+    if length < request.n:
+        raise StoreBusyError(
+            f"{request.out} has room for {length} episodes, and cannot grow to {request.n} while"
+            " runs with --shard are at work on it; wait for them"
+        )
+    pending = pending_blocks(request.out, request.n)
+    blocks = tuple(block for block in pending if request.shard.has(block))
     return Plan(
         path=request.out,
         config=request.config,
@@ -228,10 +193,25 @@ def _plan(request: Request) -> Plan:
         to_make=sum(len(block_range(block, size, length)) for block in blocks),
         blocks=blocks,
         workers=request.workers,
+        shard=request.shard,
     )
 
 
-def _there(plan: Plan, n: int) -> int:
-    """Return how many of the first ``n`` episodes no block of the plan holds."""
-    size = plan.config.block_size
-    return n - sum(len(block_range(block, size, min(n, plan.episodes))) for block in plan.blocks)
+def _summary(request: Request, plan: Plan, seconds: float) -> Summary:
+    n, size = request.n, request.config.block_size
+    mine = [b for b in range(-(-n // size)) if request.shard.has(b)]
+    rows = np.array([i for block in mine for i in block_range(block, size, n)], np.int64)
+    unmade = sum(len(block_range(block, size, n)) for block in plan.blocks)
+    columns = Columns.open(request.out)
+    bad = rows[columns.read("status")["status"][rows] == QUARANTINED]
+    reasons = {int(i): str(columns.read_rows("error", i, i + 1)[0]) for i in bad}
+    return Summary(
+        asked=len(rows),
+        made=plan.to_make,
+        already_there=len(rows) - unmade,
+        seconds=round(seconds, 3),
+        episodes_per_second=round(plan.to_make / seconds, 3) if plan.blocks else None,
+        quarantined=reasons,
+        failed=len(bad) > request.max_failures * len(rows),
+        store=summarise(Dataset.open(request.out)),
+    )

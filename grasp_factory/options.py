@@ -24,7 +24,8 @@ from grasp_factory.yamltext import read_yaml
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-DEFAULTS = FactoryConfig()
+REQUEST = Request(config=FactoryConfig())
+DEFAULTS = REQUEST.config
 _SIZE = "x".join(str(side) for side in DEFAULTS.resolution)
 
 _OPTIONS = (
@@ -105,6 +106,39 @@ _OPTIONS = (
         help="YAML file with any of these settings; options win over it.",
     ),
 )
+
+_RUN_OPTIONS = (
+    click.option(
+        "--n", type=int, help=f"Episodes that the store shall have.  [default: {REQUEST.n}]"
+    ),
+    click.option("--workers", type=int, help=f"Processes.  [default: {REQUEST.workers}]"),
+    click.option("--out", type=click.Path(), help=f"The store.  [default: {REQUEST.out}]"),
+    click.option(
+        "--shard",
+        metavar="I/K",
+        help="Make the I-th of K parts; other runs may make the others, into the same store, at the"
+        " same time.",
+    ),
+    click.option(
+        "--episode-timeout",
+        type=float,
+        help="Seconds after which an episode's worker is ended; 0 for never."
+        f"  [default: {REQUEST.episode_timeout:g}]",
+    ),
+    click.option(
+        "--max-failures",
+        type=float,
+        help="Share of quarantined episodes above which to exit with 1."
+        f"  [default: {REQUEST.max_failures:g}]",
+    ),
+)
+
+
+def run_options(command: F) -> F:
+    """Add the options that say how much is made, where to and how; see ``dataset_options``."""
+    for option in reversed(_RUN_OPTIONS):
+        command = option(command)
+    return command
 
 
 def dataset_options(command: F) -> F:

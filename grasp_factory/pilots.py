@@ -19,9 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from grasp_factory import carried
+from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made
 from grasp_factory.dataset import Dataset
 from grasp_factory.executors import Report, make_executor
-from grasp_factory.factory import BlockMaker, Made, check_names
+from grasp_factory.factory import check_names
 from grasp_factory.request import Request
 from grasp_factory.summary import StoreSummary, summarise
 from grasp_factory.writers.files import cannot_write, locate
@@ -148,11 +149,12 @@ def _make_pilot(block: int, report: Report, *, make: BlockMaker, enough: Path) -
         return
     moments = [time.monotonic()]
 
-    def count(made: Made) -> None:
-        moments.append(time.monotonic())
-        report(made)
+    def count(message: Begun | Made | Committed) -> None:
+        if isinstance(message, Made):
+            moments.append(time.monotonic())
+            report(message)
 
-    make(block, count)
+    make(BlockJob(block=block), count)
     ended = time.monotonic()
     alone = np.diff(moments)
     each = alone + (ended - moments[-1]) / len(alone)

@@ -9,9 +9,10 @@ import click
 from tqdm import tqdm  # type: ignore[import-untyped]
 
 from grasp_factory import dryrun
+from grasp_factory.blocks import Made
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.factory import Made, Plan, Summary, generate
+from grasp_factory.factory import Plan, Summary, generate
 from grasp_factory.report import percent, plan_text
 from grasp_factory.request import Request
 
@@ -75,6 +76,11 @@ class Progress:
             self._bar.set_postfix_str(f"success {percent(rate)}", refresh=False)
             self._bar.update()
 
+    def loss(self, text: str) -> None:
+        """Tell that a worker was lost."""
+        if not self._quiet:
+            tqdm.write(text, file=sys.stderr)
+
     def __enter__(self) -> Progress:
         return self
 
@@ -92,8 +98,12 @@ def make(request: Request, *, quiet: bool) -> Summary:
             request.n,
             request.out,
             request.workers,
+            shard=request.shard,
+            episode_timeout=request.episode_timeout,
+            max_failures=request.max_failures,
             on_start=progress.start,
             on_episode=progress.episode,
+            on_loss=progress.loss,
         )
 
 

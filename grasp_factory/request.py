@@ -19,13 +19,16 @@ from grasp_factory.cameras import CAMERAS
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, lookup, nearest, shown
 from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.records import check, is_integer, sections_of, to_plain
+from grasp_factory.records import check, check_range, is_integer, sections_of, to_plain
 from grasp_factory.stepping import PHYSICS_PRESETS
 from grasp_factory.yamltext import parse_yaml
 
 MAX_EPISODES = 1_000_000
 MAX_WORKERS = 512
-RUN_KEYS = ("n", "workers", "out")
+MAX_SHARDS = 10_000
+EPISODE_TIMEOUT_S = 600.0
+MAX_FAILURES = 0.25
+RUN_KEYS = ("n", "workers", "out", "shard", "episode_timeout", "max_failures")
 CONFIG_KEYS = tuple(f.name for f in dataclasses.fields(FactoryConfig))
 SECTIONS = sections_of(FactoryConfig)
 PRESETS: Mapping[str, Mapping[str, Any]] = {
@@ -33,6 +36,43 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "randomize": {name: to_plain(preset) for name, preset in RANDOMIZE_PRESETS.items()},
 }
 """By key, then by name: what may stand for a section."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shard:
+    """One of ``count`` parts of a store, each of which has every ``count``-th block."""
+
+    index: int
+    """0 to ``count``; 0 and ``count`` are the same, so that arrays may count from 0 or from 1."""
+    count: int
+
+    def __post_init__(self) -> None:
+        ok = is_integer(self.count) and 1 <= self.count <= MAX_SHARDS
+        check(ok, "shard", str(self), f"I/K with K from 1 to {MAX_SHARDS}")
+        ok = is_integer(self.index) and 0 <= self.index <= self.count
+        check(ok, "shard", str(self), f"I/K with I from 0 to K ({self.count})")
+
+    def __str__(self) -> str:
+        return f"{self.index}/{self.count}"
+
+    def has(self, block: int) -> bool:
+        """Say whether a block is in this part."""
+        return block % self.count == self.index % self.count
+
+    @classmethod
+    def parse(cls, text: Any) -> Shard:
+        """Read I/K.
+
+        Raises:
+            ConfigError: if it is something else.
+        """
+        match = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text) if isinstance(text, str) else None
+        if not match:
+            raise ConfigError(f"shard: got {shown(text)}, valid: I/K, such as 1/4")
+        return cls(int(match[1]), int(match[2]))
+
+
+WHOLE = Shard(0, 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +84,16 @@ class Request:
     """Episodes that the store shall have."""
     workers: int = 2
     out: Path = Path("grasps.zarr")
+    episode_timeout: float = EPISODE_TIMEOUT_S
+    """Seconds that an episode may take until its worker is ended; 0 for any time."""
+    max_failures: float = MAX_FAILURES
+    """Share of quarantined episodes above which the run counts as failed."""
+    shard: Shard = WHOLE
+    """The part of the store that this run makes."""
 
     def __post_init__(self) -> None:
+        check_range(self, "episode_timeout", 0.0, 1e6, "s")
+        check_range(self, "max_failures", 0.0, 1.0)
         for key, highest in (("n", MAX_EPISODES), ("workers", MAX_WORKERS)):
             got = getattr(self, key)
             ok = is_integer(got) and 1 <= got <= highest
@@ -54,7 +102,8 @@ class Request:
 
     def to_yaml(self) -> str:
         """Return the settings as YAML, ready to be a config file."""
-        run = {"n": self.n, "workers": self.workers, "out": str(self.out)}
+        run = {key: getattr(self, key) for key in RUN_KEYS}
+        run |= {"out": str(self.out), "shard": str(self.shard)}
         return yaml.safe_dump(
             run | self.config.to_plain(), sort_keys=False, default_flow_style=None, width=100
         )
@@ -96,6 +145,8 @@ def resolve_request(
         ok = isinstance(run["out"], str | Path) and str(run["out"]) != ""
         check(ok, "out", run["out"], "a path")
         run["out"] = Path(run["out"])
+    if "shard" in run:
+        run["shard"] = Shard.parse(run["shard"])
     return Request(config=FactoryConfig.from_plain(settings), **run)
 
 

@@ -7,6 +7,7 @@ import shlex
 import socket
 import sys
 import time
+import warnings
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -14,8 +15,9 @@ from types import TracebackType
 from typing import Any
 
 from grasp_factory import __version__
-from grasp_factory.errors import StoreMismatchError
+from grasp_factory.errors import GraspFactoryWarning
 from grasp_factory.request import Request
+from grasp_factory.writers.files import cannot_write
 
 
 class RunLog:
@@ -42,13 +44,14 @@ class RunLog:
         """Open the diary and start the clock.
 
         Raises:
-            StoreMismatchError: if the diary cannot be written.
+            StoreMismatchError: if something else has the diary's name.
+            StoreError: if the disk or its permissions do not let it be written.
         """
         self._is_new = not self.path.exists()
         try:
             self._diary = self.path.open("a", encoding="utf-8")
         except OSError as error:
-            raise StoreMismatchError(f"{self.path} cannot be written: {error.strerror}") from None
+            raise cannot_write(self.path, error) from None
         self._started, self._clock = datetime.now(UTC), time.monotonic()
         return self
 
@@ -58,12 +61,19 @@ class RunLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Write the line."""
-        with self._diary:
-            if self._began:
-                self._diary.write(json.dumps(self._line(kind)) + "\n")
-            elif self._is_new:
-                self.path.unlink(missing_ok=True)
+        """Write the line.
+
+        A diary that cannot be written costs no episode: of that it only warns.
+        """
+        try:
+            with self._diary:
+                if self._began:
+                    self._diary.write(json.dumps(self._line(kind)) + "\n")
+            if not self._began and self._is_new and not self.path.stat().st_size:
+                self.path.unlink()
+        except OSError as trouble:
+            text = f"{self.path} has no line of this run: {trouble.strerror}"
+            warnings.warn(text, GraspFactoryWarning, stacklevel=2)
 
     def _line(self, kind: type[BaseException] | None) -> dict[str, Any]:
         seconds = time.monotonic() - self._clock
@@ -75,6 +85,7 @@ class RunLog:
             "command": shlex.join(sys.argv),
             "asked": self._request.n,
             "workers": self._request.workers,
+            "shard": str(self._request.shard),
             "made": self._made,
             "seconds": round(seconds, 3),
             "episodes_per_second": round(self._made / seconds, 3) if seconds else None,

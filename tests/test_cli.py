@@ -23,11 +23,11 @@ import pytest
 import yaml
 from helpers import tree
 
-from grasp_factory import __version__, cli, factory
+from grasp_factory import __version__, blocks, cli, factory, progress
 from grasp_factory.__main__ import main
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import StoreError
+from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.policies import POLICIES
 from grasp_factory.request import resolve_request
@@ -119,13 +119,20 @@ class TestGenerate:
 
     def test_reports_a_quarantined_episode(self, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         def fail(world: Any, spec: Any) -> Any:
-            raise factory.RecipeError("too heavy")
+            raise RecipeError("too heavy")
 
-        monkeypatch.setattr(factory, "run_episode", fail)
-        result = run("generate", "--n", 1, "--workers", 1, *TINY)
+        def here(*args: Any, episode_timeout: float, **more: Any) -> Any:
+            return factory.generate(*args, **more)
+
+        monkeypatch.setattr(blocks, "run_episode", fail)
+        monkeypatch.setattr(progress, "generate", here)
+        result = run("generate", "--n", 1, "--workers", 1, "--max-failures", 1, *TINY)
         assert result.code == 0
         assert "episode 0 is quarantined: too heavy" in result.err
-        assert "1 of 1 are quarantined" in result.out
+        assert "episode 0 is quarantined: too heavy" in result.out
+        result = run("generate", "--n", 1, "--workers", 1, *TINY)
+        assert result.code == 1
+        assert "1 of 1 episodes are quarantined, more than --max-failures 0.25" in result.err
 
 
 class TestPrintConfig:

@@ -12,13 +12,14 @@ import pytest
 from fake_episodes import make_episode, small_config
 from helpers import tree
 
-from grasp_factory import dryrun, factory, pilots
+from grasp_factory import blocks, dryrun, factory, pilots
+from grasp_factory.blocks import Made
 from grasp_factory.cli import cli
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dryrun import forecast, makespan, wilson
 from grasp_factory.episode import Episode, EpisodeSpec
 from grasp_factory.errors import RecipeError, StoreMismatchError
-from grasp_factory.executors import BLOCKS_PER_PROCESS
+from grasp_factory.executors import JOBS_PER_PROCESS
 from grasp_factory.pilots import FEWEST, Pilot, is_enough, relative_error
 from grasp_factory.report import duration_text, forecast_text
 from grasp_factory.request import Request
@@ -35,7 +36,7 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulation; only for runs in this process."""
-    monkeypatch.setattr(factory, "run_episode", pretend)
+    monkeypatch.setattr(blocks, "run_episode", pretend)
 
 
 @pytest.fixture
@@ -43,7 +44,7 @@ def alike(fake: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulation by one whose episodes all have the same size."""
     one = make_episode(CONFIG, 0)
     monkeypatch.setattr(
-        factory, "run_episode", lambda world, spec: dataclasses.replace(one, spec=spec)
+        blocks, "run_episode", lambda world, spec: dataclasses.replace(one, spec=spec)
     )
 
 
@@ -67,8 +68,8 @@ class TestMakespan:
         assert makespan([3.0, 1.0, 1.0, 1.0], workers=2, start_up=0.0) == 3.0
 
     def test_a_worker_that_is_replaced_starts_up_again(self) -> None:
-        assert makespan([1.0] * BLOCKS_PER_PROCESS, 1, 0.5) == BLOCKS_PER_PROCESS + 0.5
-        assert makespan([1.0] * (BLOCKS_PER_PROCESS + 1), 1, 0.5) == BLOCKS_PER_PROCESS + 2.0
+        assert makespan([1.0] * JOBS_PER_PROCESS, 1, 0.5) == JOBS_PER_PROCESS + 0.5
+        assert makespan([1.0] * (JOBS_PER_PROCESS + 1), 1, 0.5) == JOBS_PER_PROCESS + 2.0
 
     def test_a_worker_without_a_block_does_not_count(self) -> None:
         assert makespan([1.0], workers=3, start_up=0.5) == 1.5
@@ -117,7 +118,7 @@ class TestForecast:
         assert list(tmp_path.iterdir()) == []
 
     def test_leaves_no_trace_when_it_is_stopped(self, tmp_path: Path) -> None:
-        def stop(made: factory.Made) -> None:
+        def stop(made: Made) -> None:
             raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
@@ -198,7 +199,7 @@ class TestForecast:
         def refuse(world: World, spec: EpisodeSpec) -> Episode:
             raise RecipeError("no luck")
 
-        monkeypatch.setattr(factory, "run_episode", refuse)
+        monkeypatch.setattr(blocks, "run_episode", refuse)
         found = forecast(request(tmp_path / "ds.zarr", 8))
         assert found.expected is not None
         assert (found.expected.pilots, found.expected.quarantined) == (8, 8)

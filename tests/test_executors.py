@@ -77,12 +77,12 @@ def test_workers_are_other_processes_and_no_more_than_asked() -> None:
 
 
 def test_a_worker_is_replaced_after_its_number_of_blocks() -> None:
-    pids = ProcessExecutor(1, blocks_per_process=2).run(blocks.process_id, range(5), ignore)
+    pids = ProcessExecutor(1, jobs_per_process=2).run(blocks.process_id, range(5), ignore)
     assert pids[0] == pids[1] != pids[2] == pids[3] != pids[4]
 
 
 def test_recycling_with_many_more_blocks_than_workers_does_not_hang() -> None:
-    results = ProcessExecutor(2, blocks_per_process=1).run(blocks.square, range(7), ignore)
+    results = ProcessExecutor(2, jobs_per_process=1).run(blocks.square, range(7), ignore)
     assert results == [b * b for b in range(7)]
 
 
@@ -116,8 +116,8 @@ def test_an_error_that_cannot_travel_is_not_swallowed() -> None:
         ProcessExecutor(1).run(blocks.strange_error, [0], ignore)
 
 
-def test_a_worker_that_exits_is_an_error_that_names_block_and_exit_code() -> None:
-    with pytest.raises(WorkerError, match=r"block 4 \(exit code 7\)"):
+def test_a_worker_that_exits_is_an_error_that_names_job_and_exit_code() -> None:
+    with pytest.raises(WorkerError, match=r"lost in 4 \(exit code 7\)"):
         ProcessExecutor(1).run(blocks.exit_early, [4], ignore)
 
 
@@ -141,9 +141,9 @@ def test_a_script_without_its_main_guard_is_told_of_it(tmp_path: Path) -> None:
     assert 'under `if __name__ == "__main__":`' in last
 
 
-def test_a_killed_worker_is_an_error_that_names_block_and_signal() -> None:
+def test_a_killed_worker_is_an_error_that_names_job_and_signal() -> None:
     seen: list[int] = []
-    with pytest.raises(WorkerError, match=r"block 2 \(SIGKILL\)"):
+    with pytest.raises(WorkerError, match=r"lost in 2 \(SIGKILL\)"):
         ProcessExecutor(2).run(blocks.dies_in_block_two, range(50), seen.append)
     assert 49 not in seen
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ import zarr
 from fake_episodes import make_episode, small_config
 from helpers import assert_same_tree, tree
 
-from grasp_factory import factory, replay
+from grasp_factory import blocks, factory, replay
+from grasp_factory.blocks import Made, block_range
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
 from grasp_factory.episode import Episode, EpisodeSpec
@@ -27,7 +29,7 @@ from grasp_factory.errors import (
     UnknownNameError,
     UsageError,
 )
-from grasp_factory.factory import Made, Plan, block_range, generate
+from grasp_factory.factory import Plan, generate
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling import sample_spec
 from grasp_factory.summary import summarise
@@ -56,7 +58,7 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Callable[[Simulate], None]:
     """Replace the simulation; only for runs in this process."""
-    return lambda simulate: monkeypatch.setattr(factory, "run_episode", simulate)
+    return lambda simulate: monkeypatch.setattr(blocks, "run_episode", simulate)
 
 
 @pytest.fixture(autouse=True)
@@ -144,16 +146,21 @@ class TestARunThatIsStopped:
         generate(CONFIG, 10, whole, workers=1)
         assert_same_tree(out, whole)
 
-    def test_by_a_bug_shows_it_and_keeps_what_was_committed(
+    def test_by_a_bug_quarantines_the_episode_and_says_where_it_was(
         self, out: Path, fake: Callable[[Simulate], None]
     ) -> None:
         def breaks(world: World, spec: EpisodeSpec) -> Episode:
             return pretend(world, spec) if spec.index < 5 else 1 / 0  # type: ignore[return-value]
 
         fake(breaks)
-        with pytest.raises(ZeroDivisionError):
-            generate(CONFIG, 10, out, workers=1)
-        assert Dataset.open(out).committed.tolist() == [0, 1, 2, 3]
+        assert generate(CONFIG, 8, out, workers=1, max_failures=1.0).store.quarantined == 3
+        dataset = Dataset.open(out)
+        assert dataset.committed.tolist() == [0, 1, 2, 3, 4]
+        assert re.fullmatch(
+            r"ZeroDivisionError: division by zero \(test_factory\.py:[0-9]+\)",
+            dataset.column("error")[6],
+        )
+        assert dataset.spec(6) == sample_spec(CONFIG, 6)
 
     def test_lets_the_store_go(self, out: Path) -> None:
         def stop(_made: Made) -> None:

@@ -1,32 +1,31 @@
-"""One coordinator per store: a lock that vanishes with its process."""
+"""One coordinator per store, or one per part of it: locks that vanish with their process.
+
+The locks are the kernel's (flock), so a killed holder cannot leave one behind; a file beside the
+store only says who holds it. It lies beside because creation renames the store itself.
+"""
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import os
-import re
 import socket
-import stat
+import time
+import warnings
+from abc import ABC, abstractmethod
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from grasp_factory.errors import StoreBusyError, StoreMismatchError
-from grasp_factory.writers.files import cannot_write, locate
+from grasp_factory.errors import StaleLockWarning, StoreBusyError
+from grasp_factory.writers.files import locate
+from grasp_factory.writers.lockfile import LockFile
 
-_OURS = re.compile(rb"(\S+ \d+\n)?")
-"""What a lock file holds: host and process, or nothing yet."""
-_LONGEST = 300
+WAIT_S = 60.0
+"""Seconds that a part of a store waits while another one creates the store."""
+_POLL_S = 0.1
 
 
-class StoreLock:
-    """Holds ``.<name>.grasp-factory.lock`` beside the store while the ``with`` block runs.
-
-    The lock is the kernel's (flock), so a killed holder cannot leave it behind; the file only
-    says who holds it. It lies beside the store because creation renames the store itself. A file
-    of that name that is not ours is neither changed nor removed.
-    """
+class _Lock(ABC):
+    """Held while the ``with`` block runs."""
 
     def __init__(self, path: Path) -> None:
         """Take nothing yet; ``path`` is the store's.
@@ -36,77 +35,161 @@ class StoreLock:
         """
         self._path = path
         whole = locate(path)  # one store, one lock, whatever links lead to it
-        self.file = whole.with_name(f".{whole.name}.grasp-factory.lock")
-        self._descriptor: int | None = None
+        self._stem = whole.with_name(f".{whole.name}.grasp-factory")
+        self.file = Path(f"{self._stem}.lock")
 
+    @abstractmethod
     def __enter__(self) -> Self:
-        """Take the lock, or fail at once.
+        """Take the lock.
 
         Raises:
             StoreBusyError: naming the host and the process that hold it.
             StoreMismatchError: if the lock file cannot be made, or something else has its name.
+            StoreError: if the disk or its permissions do not let it be made.
         """
-        while self._descriptor is None:
-            self._descriptor = self._take()
-        os.ftruncate(self._descriptor, 0)
-        os.pwrite(self._descriptor, f"{socket.gethostname()} {os.getpid()}\n".encode(), 0)
+
+    @abstractmethod
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Let go."""
+
+    def _busy(self, holder: list[str]) -> StoreBusyError:
+        match holder:
+            case ["shards", count]:
+                who = f"runs with --shard I/{count}"
+            case [host, pid]:
+                who = f"process {pid} on {host}"
+            case _:
+                who = "another process"
+        return StoreBusyError(
+            f"{self._path} is being written by {who}; wait for it or choose another --out"
+        )
+
+
+class StoreLock(_Lock):
+    """The whole store, ``.<name>.grasp-factory.lock``."""
+
+    is_alone = True
+
+    def share(self) -> None:
+        """Let nobody in: there are no other parts."""
+
+    def try_alone(self) -> bool:
+        """Return that it is alone."""
+        return True
+
+    def __enter__(self) -> Self:
+        """See ``_Lock``. It is taken or refused at once."""
+        self._lock = LockFile(self.file, self._path)
+        holder = self._lock.take()
+        if holder is not None:
+            raise self._busy(holder)
+        _claim(self._lock)
         return self
 
     def __exit__(
         self,
         kind: type[BaseException] | None,
         error: BaseException | None,
-        traceback: TracebackType | None,
+        trace: TracebackType | None,
     ) -> None:
-        """Remove the file, then let go: in this order nobody can hold a removed file unknown."""
-        if self._descriptor is not None:
-            if self._is_at_its_place(self._descriptor):
-                self.file.unlink(missing_ok=True)
-            os.close(self._descriptor)
-            self._descriptor = None
+        """Let go."""
+        self._lock.release()
 
-    def _take(self) -> int | None:
-        """Return the descriptor that holds the lock, or None when its file was just removed."""
-        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-        try:
-            descriptor = os.open(self.file, flags, 0o644)
-        except OSError as error:
-            if error.errno in (errno.ELOOP, errno.EISDIR, errno.ENXIO):
-                raise self._in_the_way() from None
-            raise cannot_write(self._path, error) from None
-        taken = False
-        try:
-            holder = self._holder(descriptor)
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            taken = self._is_at_its_place(descriptor)
-        except BlockingIOError:
-            raise StoreBusyError(self._busy(holder)) from None
-        finally:
-            if not taken:
-                os.close(descriptor)
-        return descriptor if taken else None
 
-    def _holder(self, descriptor: int) -> list[str]:
-        """Return host and process from a lock file; nothing when nobody is named yet."""
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise self._in_the_way()
-        content = os.pread(descriptor, _LONGEST + 1, 0)
-        if len(content) > _LONGEST or not _OURS.fullmatch(content):
-            raise self._in_the_way()
-        return content.decode(errors="replace").split()
+class ShardLock(_Lock):
+    """One of K parts of a store: alone in that part, and together with the K - 1 others.
 
-    def _is_at_its_place(self, descriptor: int) -> bool:
-        try:
-            return os.path.samestat(os.fstat(descriptor), os.lstat(self.file))
-        except FileNotFoundError:
-            return False
+    Attributes:
+        is_alone: no other part is being written, so the store may be created, grown or packed.
+    """
 
-    def _in_the_way(self) -> StoreMismatchError:
-        return StoreMismatchError(
-            f"{self.file} is in the way: it is no lock of grasp-factory; move it or choose"
-            " another --out"
+    def __init__(self, path: Path, index: int, count: int) -> None:
+        """Take nothing yet.
+
+        Args:
+            path: the store's.
+            index: the part, from 0 on.
+            count: K.
+        """
+        super().__init__(path)
+        self._count = count
+        self._part_file = Path(f"{self._stem}.shard-{index}-of-{count}.lock")
+        self.is_alone = False
+
+    def __enter__(self) -> Self:
+        """See ``_Lock``. While another part creates the store, wait for it."""
+        self._part, self._whole = (
+            LockFile(file, self._path) for file in (self._part_file, self.file)
         )
+        holder = self._part.take()
+        if holder is not None:
+            raise self._busy(holder)
+        try:
+            _claim(self._part)
+            self._join(wait_s=WAIT_S)
+        except BaseException:
+            self._part.release()
+            raise
+        return self
 
-    def _busy(self, holder: list[str]) -> str:
-        who = f"process {holder[1]} on {holder[0]}" if len(holder) == 2 else "another process"
-        return f"{self._path} is being written by {who}; wait for it or choose another --out"
+    def share(self) -> None:
+        """Let the other parts in, after the store was prepared."""
+        self._whole.release()
+        self._join(wait_s=WAIT_S, alone=False)
+
+    def try_alone(self) -> bool:
+        """Return whether this is the last part at work. If not, it is one no more."""
+        self.is_alone = self._whole.upgrade()
+        return self.is_alone
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Let go."""
+        self._whole.release()
+        self._part.release()
+
+    def _join(self, wait_s: float, *, alone: bool = True) -> None:
+        """Take the whole alone where nobody has it, else together with the other parts."""
+        mine = ["shards", str(self._count)]
+        deadline = time.monotonic() + wait_s
+        while True:
+            holder = self._whole.take() if alone else mine
+            if holder is None:
+                _claim(self._whole, " ".join(mine))
+                self.is_alone = True
+                return
+            holder = self._whole.take(shared=True)
+            self.is_alone = False
+            if holder is None:
+                if not self._whole.content():  # the last of the others left just now
+                    self._whole.say(" ".join(mine))
+                holder = self._whole.content()
+                if holder == mine:
+                    return
+                self._whole.release()
+                raise self._busy(holder)
+            if holder not in ([], mine) or time.monotonic() > deadline:
+                raise self._busy(holder)
+            time.sleep(_POLL_S)
+
+
+def _claim(lock: LockFile, text: str = "") -> None:
+    """Write down who holds a lock; warn of one who did not let go of it."""
+    before = lock.content()
+    if before:
+        who = " ".join(before) if before[0] == "shards" else f"process {before[1]} on {before[0]}"
+        warnings.warn(
+            f"a run that ended without letting go ({who}) had {lock.file}; it is taken over",
+            StaleLockWarning,
+            stacklevel=3,
+        )
+    lock.say(text or f"{socket.gethostname()} {os.getpid()}")

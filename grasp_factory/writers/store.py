@@ -88,7 +88,7 @@ def prepare_store(
         else:
             _check_same(path, config)
             _grow(path, config, joints, n)
-    except (FileNotFoundError, NotADirectoryError, PermissionError) as error:
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise cannot_write(path, error) from None
     except OSError as error:
         raise StoreError(f"{path} cannot be written: {error.strerror}") from None

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
 from grasp_factory import FactoryConfig, generate
-from grasp_factory.factory import Made
+from grasp_factory.blocks import Made
 from grasp_factory.request import resolve_request
 
 WARM_UP_SEED = 1

@@ -1,0 +1,23 @@
+"""Where jobs run: in this process, or in worker processes that each own whole jobs."""
+
+from __future__ import annotations
+
+from grasp_factory.executors.base import Executor, InlineExecutor, Recover, Report, Silence, Task
+from grasp_factory.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
+
+__all__ = [
+    "JOBS_PER_PROCESS",
+    "Executor",
+    "InlineExecutor",
+    "ProcessExecutor",
+    "Recover",
+    "Report",
+    "Silence",
+    "Task",
+    "make_executor",
+]
+
+
+def make_executor(workers: int) -> Executor:
+    """Return the executor for a number of workers; one worker needs no pool."""
+    return InlineExecutor() if workers == 1 else ProcessExecutor(workers)

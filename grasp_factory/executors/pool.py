@@ -1,0 +1,225 @@
+"""Worker processes, each with one pipe and at most one job.
+
+The pool is our own. ``concurrent.futures.ProcessPoolExecutor`` hangs on Python 3.11 when it
+recycles workers (https://github.com/python/cpython/issues/115634), and breaks as a whole when one
+dies, as loky's does. Pebble isolates tasks and ends them in time, but nothing is heard of a task
+before it ends: which episode of a block killed its worker would not be known. Here there is no
+shared queue and no helper thread, so no lock can be left behind by a worker that dies, and its end
+of the pipe tells at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing import connection, resource_tracker
+from multiprocessing.context import SpawnProcess
+from typing import Any
+
+from grasp_factory.errors import WorkerError
+from grasp_factory.executors.base import (
+    Executor,
+    J,
+    R,
+    Recover,
+    Report,
+    Silence,
+    Task,
+    forever,
+    give_up,
+)
+from grasp_factory.executors.serving import serve
+
+JOBS_PER_PROCESS = 32
+"""A worker is replaced after so many jobs: PyBullet's memory grows slowly over resets."""
+
+ONE_THREAD = {
+    name: "1"
+    for name in (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "BLOSC_NTHREADS",
+        "OPENCV_FOR_THREADS_NUM",
+    )
+}
+"""Set in workers: they share the cores among themselves already."""
+
+_SPAWN = multiprocessing.get_context("spawn")
+_OVERSLEPT_S = 5.0
+"""Seconds that this process may wake too late before it takes it that all were halted."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessExecutor(Executor):
+    """Spawned processes; the task, its jobs, messages and results must be picklable."""
+
+    workers: int
+    jobs_per_process: int = JOBS_PER_PROCESS
+
+    def run(
+        self,
+        task: Task[J, R],
+        jobs: Sequence[J],
+        report: Report,
+        recover: Recover[J] = give_up,
+        silence: Silence = forever,
+    ) -> list[R]:
+        """See ``Executor.run``."""
+        todo = list(reversed(list(enumerate(jobs))))
+        results: dict[int, R] = {}
+        team: dict[Any, _Worker] = {}
+        try:
+            while todo or team:
+                while todo and len(team) < self.workers:
+                    _hire(team, task, silence).give(*todo.pop())
+                for worker in _wait(team):
+                    try:
+                        kind, value = worker.receive()
+                    except _LostError as lost:
+                        del team[worker.pipe]
+                        todo.append((worker.place, recover(worker.job, str(lost))))
+                        continue
+                    if kind == "message":
+                        report(value)
+                        continue
+                    if kind == "error":
+                        raise value
+                    results[worker.place] = value
+                    worker.done += 1
+                    if todo and worker.done < self.jobs_per_process:
+                        worker.give(*todo.pop())
+                        continue
+                    del team[worker.pipe]
+                    worker.stop()
+        finally:
+            for worker in team.values():
+                worker.process.terminate()
+            for worker in team.values():
+                worker.stop()
+        return [results[place] for place in range(len(jobs))]
+
+
+class _LostError(Exception):
+    """A worker died or was too long silent; the text says which."""
+
+
+@dataclass(slots=True)
+class _Worker:
+    process: SpawnProcess
+    pipe: connection.Connection[Any, Any]
+    silence: Silence
+    place: int = -1
+    """Of its job among all."""
+    job: Any = None
+    done: int = 0
+    """Jobs that it has finished."""
+    heard: bool = False
+    """It has sent something, so it had started well."""
+    allowed: float = math.inf
+    """Seconds that it may be silent."""
+    since: float = 0.0
+    """When it was last heard, on the monotonic clock."""
+
+    def give(self, place: int, job: Any) -> None:
+        self.place, self.job = place, job
+        self._listen(None)
+        with contextlib.suppress(OSError):  # it died: the next receive says so
+            self.pipe.send(job)
+
+    def receive(self) -> tuple[str, Any]:
+        """Return what it sent; call it when there is something, or its time is over."""
+        if not self.pipe.poll():
+            self.process.kill()  # it may be stopped, or stuck where no other signal reaches it
+            self.stop()
+            raise _LostError(f"silent for more than {self.allowed:g} s")
+        try:
+            kind, value = self.pipe.recv()
+        except (EOFError, OSError):
+            self.process.join(timeout=5.0)  # it may still be on its way out
+            self.stop()
+            self._check_guard()
+            raise _LostError(self._cause()) from None
+        self.heard = True
+        self._listen(value)
+        return kind, value
+
+    def stop(self) -> None:
+        """End the process: between jobs there is nothing to lose, within one it is done again."""
+        self.process.terminate()
+        self.process.join(timeout=3.0)  # time to tidy its temporary files
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+    def _listen(self, message: Any) -> None:
+        self.allowed, self.since = self.silence(message), time.monotonic()
+
+    def _check_guard(self) -> None:
+        if not self.heard and self.process.exitcode == 1:
+            raise WorkerError(
+                "a worker ended (exit code 1) before it began: a script that calls generate() with"
+                ' several workers does so under `if __name__ == "__main__":`'
+            )
+
+    def _cause(self) -> str:
+        code = self.process.exitcode or 0
+        return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+
+
+def _wait(team: dict[Any, _Worker]) -> list[_Worker]:
+    """Wait for workers that have something to say, or should have had."""
+    now = time.monotonic()
+    patience = min(worker.since + worker.allowed for worker in team.values()) - now
+    ready = connection.wait(list(team), None if patience == math.inf else max(patience, 0.0))
+    if ready:
+        return [team[pipe] for pipe in ready]
+    overslept = time.monotonic() - now - max(patience, 0.0)
+    if overslept > _OVERSLEPT_S:  # a laptop's lid, Ctrl-Z: they had no time either
+        for worker in team.values():
+            worker.since = time.monotonic()
+    now = time.monotonic()
+    return [worker for worker in team.values() if worker.since + worker.allowed <= now]
+
+
+def _hire(team: dict[Any, _Worker], task: Task[Any, Any], silence: Silence) -> _Worker:
+    """Start a worker and add it to the team."""
+    ours, theirs = _SPAWN.Pipe()
+    process = _SPAWN.Process(target=serve, args=(task, theirs), daemon=True)
+    resource_tracker.ensure_running()  # its own start would undo the signal mask
+    with _environment(ONE_THREAD), _no_interrupt():
+        process.start()
+        worker = team[ours] = _Worker(process, ours, silence)
+    theirs.close()
+    return worker
+
+
+@contextlib.contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Set environment variables for a while; a child started meanwhile inherits them."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextlib.contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Hold SIGINT back for a while; a child started meanwhile never sees Ctrl-C."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,65 @@
+"""The worker's side of the pool: take jobs from a pipe, tell of them, leave in good order."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import traceback
+from multiprocessing import connection
+from typing import Any
+
+from grasp_factory.executors.base import Task
+
+
+def serve(task: Task[Any, Any], pipe: connection.Connection[Any, Any]) -> None:
+    """Do jobs until the pipe closes. Runs in the worker."""
+    signal.signal(signal.SIGTERM, _leave)
+    os.dup2(2, 1)  # PyBullet prints warnings on stdout, which belongs to the command's result
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+
+    def report(message: Any) -> None:
+        pipe.send(("message", message))
+
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while True:
+            job = pipe.recv()
+            try:
+                pipe.send(("result", task(job, report)))
+            except MemoryError:  # the kernel would have done it a little later
+                os.kill(os.getpid(), signal.SIGKILL)
+            except Exception as error:
+                pipe.send(("error", _portable(error)))
+                return
+
+
+def _leave(*_: Any) -> None:
+    # A second one would cut the tidying short. Not SIG_IGN: Python complains of one on its way.
+    signal.signal(signal.SIGTERM, lambda *_: None)
+    code = 128 + signal.SIGTERM
+    # Where this interrupts a finaliser, the exit would only be printed, and the worker go on.
+    sys.unraisablehook = lambda _: os._exit(code)
+    sys.exit(code)
+
+
+def _die_with_parent() -> None:
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})  # it is for the main thread
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _portable(error: Exception) -> Exception:
+    """Return the error, with its traceback as a note, in a form that survives pickling."""
+    text = "".join(traceback.format_exception(error))
+    error.add_note(f"\nIn a worker process:\n{text}")
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"a worker failed\n{text}")
+    return error

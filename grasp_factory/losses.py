@@ -1,0 +1,113 @@
+"""What is done when a worker dies: its episode is tried once more, then quarantined."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from grasp_factory.blocks import Begun, BlockJob, Committed, Made
+from grasp_factory.errors import FailuresError, WorkerError
+
+TRIES = 2
+"""Of an episode. One is not enough: whoever kills a worker, or fills the memory, would decide what
+is in the dataset."""
+TRIES_OF_BLOCK = 3
+"""Of a block whose worker died with no episode in hand."""
+SLOWEST_WRITE_S = 600.0
+"""Seconds after which a worker that starts, or writes a block, is taken for stuck."""
+FEWEST_FAILURES = 20
+"""A run is stopped for its failures after more than these at the earliest."""
+
+
+@dataclass(slots=True)
+class _InHand:
+    """How far a block has come that is not committed yet."""
+
+    index: int | None = None
+    """The episode that is being made."""
+    told: int = -1
+    """The last episode that was told of."""
+
+
+class Losses:
+    """Follows what workers report, and says what to do when one is lost."""
+
+    def __init__(self, block_size: int, timeout: float, on_loss: Callable[[str], None]) -> None:
+        """Begin.
+
+        Args:
+            block_size: episodes of a block.
+            timeout: seconds that an episode may take.
+            on_loss: told of each loss, in a line.
+        """
+        self._block_size, self._timeout, self._on_loss = block_size, timeout, on_loss
+        self._in_hand: dict[int, _InHand] = {}
+        self._deaths: Counter[str] = Counter()
+
+    def is_news(self, message: Begun | Made | Committed) -> bool:
+        """Follow a message; return whether it tells of an episode for the first time."""
+        if isinstance(message, Committed):
+            self._in_hand.pop(message.block, None)
+            return False
+        block = self._in_hand.setdefault(message.index // self._block_size, _InHand())
+        if isinstance(message, Begun):
+            block.index = message.index
+            return False
+        block.index = None
+        is_news = message.index > block.told
+        block.told = max(block.told, message.index)
+        return is_news
+
+    def silence(self, message: Any) -> float:
+        """Return how long a worker may be silent after a message; see ``executors.Silence``."""
+        if isinstance(message, Begun):
+            return self._timeout
+        return max(SLOWEST_WRITE_S, self._timeout) if self._timeout < math.inf else math.inf
+
+    def recover(self, job: BlockJob, why: str) -> BlockJob:
+        """Return how a block is made whose worker was lost; see ``executors.Recover``.
+
+        Raises:
+            WorkerError: if it is lost time and again, and no episode is to blame.
+        """
+        block = self._in_hand.setdefault(job.block, _InHand())
+        index, block.index = block.index, None
+        blamed = f"episode {index}" if index is not None and index not in job.lost else str(job)
+        self._deaths[blamed] += 1
+        times = self._deaths[blamed]
+        if blamed == str(job):
+            if times == TRIES_OF_BLOCK:
+                raise WorkerError(
+                    f"{times} workers were lost in {job} ({why}); the blocks that are committed"
+                    " stay: run the same command again to go on"
+                )
+        elif times == TRIES:
+            assert index is not None
+            return replace(job, lost={**job.lost, index: f"its worker was lost twice ({why})"})
+        self._on_loss(f"a worker was lost in {blamed} ({why}); the block is made again")
+        return job
+
+
+class Failures:
+    """Counts what is quarantined, and stops a run of which too much is."""
+
+    def __init__(self, max_failures: float, to_make: int) -> None:
+        """Allow a share of the episodes that are to be made."""
+        self._allowed = max(max_failures * to_make, FEWEST_FAILURES)
+        self._count = 0
+
+    def count(self, made: Made) -> None:
+        """Count an episode.
+
+        Raises:
+            FailuresError: if it is one too many.
+        """
+        self._count += made.outcome == "quarantined"
+        if self._count > self._allowed:
+            raise FailuresError(
+                f"{self._count} episodes of this run are quarantined, more than --max-failures"
+                f" allows; the last one, {made.index}: {made.reason}; what is committed stays"
+            )
