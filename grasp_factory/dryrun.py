@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from grasp_factory import carried
 from grasp_factory.blocks import Made, block_range
 from grasp_factory.dataset import Dataset
-from grasp_factory.executors import JOBS_PER_PROCESS
+from grasp_factory.executors import JOBS_PER_PROCESS, Executor, make_executor
 from grasp_factory.factory import check_names
 from grasp_factory.pilots import Flight, episode_seconds, fly, relative_error
 from grasp_factory.request import Request
@@ -63,12 +63,17 @@ class Forecast:
         return self.expected is None or self.expected.bytes <= self.free_bytes
 
 
-def forecast(request: Request, on_episode: Callable[[Made], None] = lambda made: None) -> Forecast:
+def forecast(
+    request: Request,
+    on_episode: Callable[[Made], None] = lambda made: None,
+    executor: Executor | None = None,
+) -> Forecast:
     """Make a few blocks of a run, throw them away and say what the run would take.
 
     Args:
         request: the run.
         on_episode: called for each pilot as it is made.
+        executor: what the run would use; None for that of ``generate`` without a timeout.
 
     Raises:
         UsageError: for what ``generate`` would refuse.
@@ -82,17 +87,19 @@ def forecast(request: Request, on_episode: Callable[[Made], None] = lambda made:
     there = len(Dataset.open(request.out)) if (target / "zarr.json").exists() else 0
     length = max(there, request.n)
     sizes = {b: len(block_range(b, size, length)) for b in _missing_blocks(request, there)}
+    asked = sum(len(block_range(block, size, request.n)) for block in request.blocks)
     wanted = sum(len(block_range(block, size, request.n)) for block in sizes)
     to_make = sum(sizes.values())
     place = target if target.exists() else target.parent
     expected = None
     if sizes:
-        flight = fly(request, length, list(sizes), to_make, on_episode)
+        how = executor or make_executor(request.workers)
+        flight = fly(request, how, length, sizes, on_episode)
         expected = _expected(flight, sizes, request.workers, is_new=there == 0)
     return Forecast(
         path=str(request.out),
-        asked=request.n,
-        already_there=request.n - wanted,
+        asked=asked,
+        already_there=asked - wanted,
         to_make=to_make,
         workers=request.workers,
         free_bytes=shutil.disk_usage(place).free,
@@ -104,7 +111,8 @@ def _missing_blocks(request: Request, there: int) -> list[int]:
     """Return the blocks to make, those included that a longer store would have."""
     size = request.config.block_size
     pending = set(pending_blocks(request.out, request.n)) if there else set()
-    return sorted(pending | {row // size for row in range(there, request.n)})
+    longer = {row // size for row in range(there, request.n)}
+    return sorted(filter(request.shard.has, pending | longer))
 
 
 def _expected(flight: Flight, sizes: Mapping[int, int], workers: int, *, is_new: bool) -> Expected:

@@ -199,8 +199,7 @@ def _plan(request: Request) -> Plan:
 
 def _summary(request: Request, plan: Plan, seconds: float) -> Summary:
     n, size = request.n, request.config.block_size
-    mine = [b for b in range(-(-n // size)) if request.shard.has(b)]
-    rows = np.array([i for block in mine for i in block_range(block, size, n)], np.int64)
+    rows = np.array([i for block in request.blocks for i in block_range(block, size, n)], np.int64)
     unmade = sum(len(block_range(block, size, n)) for block in plan.blocks)
     columns = Columns.open(request.out)
     bad = rows[columns.read("status")["status"][rows] == QUARANTINED]

@@ -12,7 +12,7 @@ import shutil
 import socket
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ import numpy as np
 from grasp_factory import carried
 from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made
 from grasp_factory.dataset import Dataset
-from grasp_factory.executors import Report, make_executor
+from grasp_factory.executors import Executor, Report
 from grasp_factory.factory import check_names
 from grasp_factory.request import Request
 from grasp_factory.summary import StoreSummary, summarise
@@ -67,9 +67,12 @@ class Flight:
 
 
 def fly(
-    request: Request, length: int, blocks: Sequence[int], to_make: int,
+    request: Request,
+    executor: Executor,
+    length: int,
+    sizes: Mapping[int, int],
     on_episode: Callable[[Made], None],
-) -> Flight:  # fmt: skip
+) -> Flight:
     """Make blocks of a run, drawn from all over it, until they say enough.
 
     As many workers as asked are at it, beside the run's own store, so that what they cost each
@@ -77,9 +80,9 @@ def fly(
 
     Args:
         request: the run.
+        executor: what makes them.
         length: rows of its store.
-        blocks: those that are missing.
-        to_make: episodes in them.
+        sizes: episodes of each block that is missing.
         on_episode: called for each pilot as it is made.
 
     Raises:
@@ -87,9 +90,9 @@ def fly(
         StoreError: if the disk fails.
         WorkerError: if a worker died.
     """
-    config, pilots = request.config, list[Pilot]()
+    config, pilots, to_make = request.config, list[Pilot](), sum(sizes.values())
     most = max(request.workers, math.ceil(MOST / config.block_size))
-    drawn = np.random.default_rng(0).permutation(blocks)[:most].tolist()
+    drawn = np.random.default_rng(0).permutation(list(sizes))[:most].tolist()
     with _place_beside(request.out) as place:
         store, begun = place / "pilots.zarr", time.monotonic()
         robot = check_names(config)
@@ -109,7 +112,7 @@ def fly(
         called = time.monotonic()
         with contextlib.closing(BlockMaker(config, store)) as make:
             task = functools.partial(_make_pilot, make=make, enough=place / _ENOUGH_MARK)
-            make_executor(request.workers).run(task, drawn, hear)
+            executor.run(task, drawn, hear)
         return Flight(
             pilots=tuple(pilots),
             prepare_seconds=prepared - begun,

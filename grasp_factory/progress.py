@@ -12,6 +12,7 @@ from grasp_factory import dryrun
 from grasp_factory.blocks import Made
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
+from grasp_factory.executors import ProcessExecutor
 from grasp_factory.factory import Plan, Summary, generate
 from grasp_factory.report import percent, plan_text
 from grasp_factory.request import Request
@@ -110,4 +111,5 @@ def make(request: Request, *, quiet: bool) -> Summary:
 def forecast(request: Request) -> dryrun.Forecast:
     """Tell what a request would take, with the pilots counted; see ``dryrun.forecast``."""
     with Counter(request.n, "pilot") as counter:
-        return dryrun.forecast(request, lambda made: counter.count())
+        executor = ProcessExecutor(request.workers)
+        return dryrun.forecast(request, lambda made: counter.count(), executor)

@@ -100,6 +100,11 @@ class Request:
             check(ok, key, got, f"an integer from 1 to {highest}")
             object.__setattr__(self, key, int(got))  # a numpy integer would not go into JSON
 
+    @property
+    def blocks(self) -> list[int]:
+        """The blocks of its part that hold any of its episodes, ascending."""
+        return [b for b in range(-(-self.n // self.config.block_size)) if self.shard.has(b)]
+
     def to_yaml(self) -> str:
         """Return the settings as YAML, ready to be a config file."""
         run = {key: getattr(self, key) for key in RUN_KEYS}

@@ -78,6 +78,13 @@ def sleeps(block: int, report: Report) -> int:
     return block
 
 
+def stops(block: int, report: Report) -> int:
+    if block == 1:
+        report("stops")
+        os.kill(os.getpid(), signal.SIGSTOP)
+    return block
+
+
 def tidies(block: int, report: Report, folder: str) -> int:
     mark = Path(folder) / "scratch"
     mark.touch()

@@ -148,6 +148,32 @@ def test_a_killed_worker_is_an_error_that_names_job_and_signal() -> None:
     assert 49 not in seen
 
 
+def test_a_lost_worker_is_replaced_and_its_job_done_otherwise() -> None:
+    asked: list[tuple[int, str]] = []
+
+    def recover(job: int, why: str) -> int:
+        asked.append((job, why))
+        return job + 100
+
+    results = ProcessExecutor(2).run(blocks.dies_in_block_two, range(5), ignore, recover)
+    assert results == [0, 1, 102, 3, 4]
+    assert asked == [(2, "SIGKILL")]
+
+
+def test_a_worker_that_is_silent_too_long_is_lost_even_when_it_is_stopped() -> None:
+    why: list[str] = []
+
+    def recover(job: int, cause: str) -> int:
+        why.append(cause)
+        return 0
+
+    def silence(message: Any) -> float:
+        return 2.0 if message == "stops" else 60.0
+
+    assert ProcessExecutor(2).run(blocks.stops, [0, 1], ignore, recover, silence) == [0, 0]
+    assert why == ["silent for more than 2 s"]
+
+
 def test_an_exception_of_the_caller_ends_the_workers() -> None:
     pids: list[int] = []
 

@@ -6,6 +6,7 @@ store only says who holds it. It lies beside because creation renames the store 
 
 from __future__ import annotations
 
+import glob
 import os
 import socket
 import time
@@ -60,7 +61,10 @@ class _Lock(ABC):
     def _busy(self, holder: list[str]) -> StoreBusyError:
         match holder:
             case ["shards", count]:
-                who = f"runs with --shard I/{count}"
+                stem = glob.escape(self._stem.name)
+                parts = sorted(self.file.parent.glob(f"{stem}.shard-*-of-{count}.lock"))
+                runs = ", ".join(filter(None, (_holder(file) for file in parts)))
+                who = f"runs with --shard I/{count} ({runs})"
             case [host, pid]:
                 who = f"process {pid} on {host}"
             case _:
@@ -180,6 +184,15 @@ class ShardLock(_Lock):
             if holder not in ([], mine) or time.monotonic() > deadline:
                 raise self._busy(holder)
             time.sleep(_POLL_S)
+
+
+def _holder(file: Path) -> str:
+    """Return who holds the lock of a part; nothing where nobody is named any more."""
+    try:
+        host, pid = file.read_text(encoding="utf-8", errors="replace").split()
+    except (OSError, ValueError):
+        return ""
+    return f"process {pid} on {host}"
 
 
 def _claim(lock: LockFile, text: str = "") -> None:
