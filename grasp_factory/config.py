@@ -34,6 +34,7 @@ from grasp_factory.sections import (
     WorkspaceConfig,
 )
 from grasp_factory.stepping import PhysicsConfig
+from grasp_factory.thresholds import QualityConfig
 
 MAX_VIDEO_GB = 4
 """Of memory, in each worker."""
@@ -98,6 +99,7 @@ class FactoryConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     shake: ShakeConfig = field(default_factory=ShakeConfig)
     label: LabelConfig = field(default_factory=LabelConfig)
+    quality: QualityConfig = field(default_factory=QualityConfig)
     randomize: RandomizeConfig = field(default_factory=RandomizeConfig)
 
     def __post_init__(self) -> None:

@@ -25,6 +25,7 @@ from grasp_factory.sections import (
     WorkspaceConfig,
 )
 from grasp_factory.stepping import PhysicsConfig
+from grasp_factory.thresholds import QualityConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +81,7 @@ class EpisodeSpec:
     motion: MotionConfig
     shake: ShakeConfig
     label: LabelConfig
+    quality: QualityConfig
 
     def to_json(self) -> str:
         """Return the spec as canonical JSON."""

@@ -19,13 +19,17 @@ from grasp_factory.episode import (
     GraspPlan,
 )
 from grasp_factory.errors import RecipeError, lookup
+from grasp_factory.finite import non_finite
 from grasp_factory.geometry import Array, matrix_to_quat_xyzw
+from grasp_factory.inspection import inspect_episode
 from grasp_factory.labels import Measurements, disturbance, judge, measure
 from grasp_factory.motion import GraspMotion, plan_motion
 from grasp_factory.outcome import Outcome
 from grasp_factory.policies import POLICIES
+from grasp_factory.quality import quality_scores, shortcomings
 from grasp_factory.sampling import Stream, rng_for
 from grasp_factory.scene import Scene, Shot, build_scene, object_poses, observe, settle, take_shots
+from grasp_factory.schema import FIELDS
 from grasp_factory.world import World
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -36,7 +40,8 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
     """Simulate one recipe; the result depends on nothing but the recipe.
 
     Raises:
-        RecipeError: if an object cannot be loaded or the simulation diverges.
+        RecipeError: if an object cannot be loaded, the simulation diverges, or the episode scores
+            less than the recipe asks for.
         UnknownNameError: if the recipe names what the tables do not have.
     """
     scene = build_scene(world, spec)
@@ -61,14 +66,15 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
             after = take_shots(scene)
             outcome = Outcome.COLLISION
     streams, imu = attempt.streams(), attempt.imu()
-    _refuse_non_finite(streams | imu, spec)
+    series = {f"streams/{name}": values for name, values in streams.items()}
+    _refuse_non_finite(series | {f"imu/{name}": values for name, values in imu.items()}, spec)
     if attempt.has_closed:
         outcome = judge(streams, object_com[0], rest_height, spec.label)
     measured = measure(streams, object_com[0], rest_height)
     displacement, lift = disturbance(streams, object_com, rest_pose)
     streams["reward"] = np.zeros(len(streams["timestamp"]), np.float32)
     streams["reward"][-1:] = outcome is Outcome.SUCCESS
-    return Episode(
+    episode = Episode(
         spec=spec,
         outcome=outcome,
         columns=_columns(spec, chosen, measured)
@@ -87,6 +93,9 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
         imu=imu,
         videos=attempt.videos(),
     )
+    episode = _graded(episode)
+    _refuse_non_finite(episode.contents(), spec)
+    return episode
 
 
 def choose(scene: Scene, plan: GraspPlan) -> tuple[Grasp | None, GraspMotion | None]:
@@ -133,6 +142,22 @@ def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> 
     }
 
 
+def _graded(episode: Episode) -> Episode:
+    """Return the episode with what was measured of its quality, and its score.
+
+    Raises:
+        RecipeError: if it scores less than its recipe asks for.
+    """
+    found, thresholds = inspect_episode(episode), episode.spec.quality
+    measured = {f.name: getattr(found, f.name) for f in dataclasses.fields(found)}
+    columns = {**episode.columns, **measured}
+    score = int(quality_scores(columns, thresholds))
+    if score < thresholds.min_score:
+        reasons = "; ".join(shortcomings(columns, thresholds))
+        raise RecipeError(f"quality {score} is below min_score {thresholds.min_score}: {reasons}")
+    return dataclasses.replace(episode, columns={**columns, "quality": score})
+
+
 def _frames(*shots: Shot) -> CameraFrames:
     images = [shot.image for shot in shots]
     return CameraFrames(
@@ -145,9 +170,7 @@ def _frames(*shots: Shot) -> CameraFrames:
     )
 
 
-def _refuse_non_finite(streams: Mapping[str, NDArray[Any]], spec: EpisodeSpec) -> None:
-    """Raise when the simulation diverged; contact slots are NaN where there is no contact."""
-    for name, values in streams.items():
-        padded = name.startswith("tactile_") and name != "tactile_wrench"
-        if values.dtype.kind == "f" and not padded and not np.isfinite(values).all():
-            raise RecipeError(f"the simulation of episode {spec.index} diverged: {name} not finite")
+def _refuse_non_finite(contents: Mapping[str, NDArray[Any]], spec: EpisodeSpec) -> None:
+    """Raise when the simulation diverged, naming the array, by its path in the store."""
+    if path := non_finite(contents, FIELDS):
+        raise RecipeError(f"the simulation of episode {spec.index} diverged: {path} not finite")

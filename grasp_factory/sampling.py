@@ -101,6 +101,7 @@ def sample_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
         motion=draw_motion(ranges.gripper, config.motion, rng(Stream.MOTION)),
         shake=config.shake,
         label=config.label,
+        quality=config.quality,
     )
 
 

@@ -1,4 +1,4 @@
-"""The sections of a config: cameras, workspace, motion, shake, label; ``physics`` has its own."""
+"""Sections of a config: cameras, workspace, motion, shake, label; others have their own modules."""
 
 from __future__ import annotations
 

@@ -42,6 +42,8 @@ class StoreSummary:
     """Only those that occur, in their fixed order."""
     object_sets: Mapping[str, Tally]
     splits: Mapping[str, Tally]
+    quality: Mapping[str, int]
+    """How many episodes have each score, the best first; none for stores from before there were."""
     bytes: int
     """Of all files, but what a run that was killed has left of its last blocks."""
     bytes_per_episode: int | None
@@ -50,7 +52,8 @@ class StoreSummary:
 def summarise(dataset: Dataset) -> StoreSummary:
     """Count what a dataset holds."""
     columns = Columns.open(dataset.path)
-    read = columns.read("status", "success", "outcome", "policy", "object_set", "split")
+    scored = ("quality",) if "quality" in columns.names else ()
+    read = columns.read("status", "success", "outcome", "policy", "object_set", "split", *scored)
     status = read["status"]
     made = status == 1
     success = read["success"][made]
@@ -71,6 +74,7 @@ def summarise(dataset: Dataset) -> StoreSummary:
         },
         object_sets=_tallies(read["object_set"][made], success),
         splits=_tallies(read["split"][made], success),
+        quality=_scores(read["quality"][made]) if scored else {},
         bytes=size,
         bytes_per_episode=round(size / total.episodes) if total.episodes else None,
     )
@@ -92,6 +96,11 @@ def array_facts(dataset: Dataset) -> list[dict[str, Any]]:
 def _tallies(keys: NDArray[np.str_], success: NDArray[np.bool_]) -> dict[str, Tally]:
     words = sorted(set(keys.tolist()))
     return {word: _tally(success[keys == word]) for word in words}
+
+
+def _scores(quality: NDArray[np.uint8]) -> dict[str, int]:
+    scores, episodes = np.unique(quality, return_counts=True)
+    return {str(s): int(n) for s, n in zip(scores[::-1], episodes[::-1], strict=True)}
 
 
 def _tally(success: NDArray[np.bool_]) -> Tally:

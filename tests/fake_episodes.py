@@ -56,6 +56,7 @@ def make_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
         motion=config.motion,
         shake=config.shake,
         label=config.label,
+        quality=config.quality,
     )
 
 

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grasp_factory.balance import Indices, acceleration, pads_on_target
 from grasp_factory.checks.figure import Figure, percentiles
 from grasp_factory.episode import Episode
 from grasp_factory.geometry import Array, quat_xyzw_to_matrix
 from grasp_factory.labels import target_com, touching
-from grasp_factory.outcome import Label, Phase
+from grasp_factory.outcome import Phase
 from grasp_factory.robots import ROBOTS
 from grasp_factory.signals import compensate_gravity
-
-Indices = NDArray[np.signedinteger[Any]]
 
 STILL = 0.005
 """m/s of the target's centre of mass: slower counts as at rest."""
@@ -55,9 +52,6 @@ def in_motion(episodes: Iterable[Episode]) -> list[Figure]:
     for episode in episodes:
         streams = episode.streams
         com = _com(episode)
-        period = float(streams["timestamp"][1] - streams["timestamp"][0])
-        acceleration = np.zeros_like(com)
-        acceleration[1:-1] = (com[2:] - 2.0 * com[1:-1] + com[:-2]) / period**2
         moving = np.isin(streams["phase"], (Phase.LIFT, Phase.SHAKE))
         moving &= com[:, 2] > episode.columns["rest_height"] + CLEAR
         moving &= touching(streams).all(axis=1)
@@ -68,7 +62,8 @@ def in_motion(episodes: Iterable[Episode]) -> list[Figure]:
         force, _ = _on_target(episode, records)
         weight = _weight(episode)
         mass = float(episode.columns["object_mass"])
-        expected = mass * acceleration[records - 1] + np.array([0.0, 0.0, weight])
+        moved = acceleration(com, streams["timestamp"])[records - 1]
+        expected = mass * moved + np.array([0.0, 0.0, weight])
         residuals.extend(100.0 * np.linalg.norm(force - expected, axis=1) / weight)
     return percentiles("lift and shake: pads' force against m (a - g)", residuals, {95: 10.0})
 
@@ -95,19 +90,7 @@ def _rotations(episode: Episode, records: Indices) -> Array:
 
 def _on_target(episode: Episode, records: Indices) -> tuple[Array, Array]:
     """Return force (n, 3) and moment about the COM (n, 3) of the pads on the target, world."""
-    streams = {name: values[records] for name, values in episode.streams.items()}
-    R = _rotations(episode, records)
-    on_target = (streams["tactile_body"] == Label.TARGET)[..., None]
-    force = np.where(on_target, -streams["tactile_force"].astype(np.float64), 0.0)
-    points = np.where(on_target, streams["tactile_position"].astype(np.float64), 0.0)
-    half = streams["gripper_width"].astype(np.float64)[:, None] / 2.0
-    points[:, 0, :, 1] += half  # pad frames sit half the width to either side of the TCP
-    points[:, 1, :, 1] -= half
-    offset = _com(episode)[records] - streams["tcp_pose"][:, :3].astype(np.float64)
-    com = np.einsum("nji,nj->ni", R, offset)
-    moment = np.cross(points - com[:, None, None], force) * on_target
-    total = np.einsum("nij,nj->ni", R, force.sum(axis=(1, 2)))
-    return total, np.einsum("nij,nj->ni", R, moment.sum(axis=(1, 2)))
+    return pads_on_target(episode.streams, _com(episode), records)
 
 
 def _external_load(episode: Episode, records: Indices) -> Array:

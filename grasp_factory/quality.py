@@ -1,0 +1,101 @@
+"""What makes a good episode: criteria with thresholds, and the score from 1 to 5 that they give.
+
+``inspection`` measures what is compared here. Scores follow from columns alone, so that those of a
+store can be drawn again with other thresholds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from grasp_factory.thresholds import BEST, WORST, QualityConfig
+
+__all__ = [
+    "BEST",
+    "CRITERIA",
+    "MEASURED",
+    "WORST",
+    "Criterion",
+    "QualityConfig",
+    "quality_scores",
+    "shortcomings",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Criterion:
+    """One column against one threshold."""
+
+    group: str
+    """Criteria of a group cost a point together, however many of them are not met."""
+    column: str
+    threshold: str
+    """A field of ``QualityConfig``: ``min_...`` or ``max_...``."""
+
+    def is_met(self, values: ArrayLike, thresholds: QualityConfig) -> NDArray[np.bool_]:
+        """Return where it is met, shape of ``values``; NaN, where it does not apply, meets it."""
+        found, bound = np.asarray(values, np.float64), getattr(thresholds, self.threshold)
+        missed = found < bound if self._is_least else found > bound
+        return np.asarray(~missed)
+
+    def text(self, value: float, thresholds: QualityConfig) -> str:
+        """Return what was found, and what it should be."""
+        word, bound = "least" if self._is_least else "most", getattr(thresholds, self.threshold)
+        return f"{self.column} {value:.4g}, valid: at {word} {bound:g} ({self.threshold})"
+
+    @property
+    def _is_least(self) -> bool:
+        return self.threshold.startswith("min_")
+
+
+CRITERIA = (
+    Criterion("image", "sharpness", "min_sharpness"),
+    Criterion("image", "exposure", "min_exposure"),
+    Criterion("image", "exposure", "max_exposure"),
+    Criterion("image", "clipped", "max_clipped"),
+    Criterion("target", "target_visibility", "min_visibility"),
+    Criterion("target", "target_pixels", "min_target_pixels"),
+    Criterion("depth", "depth_holes", "max_depth_holes"),
+    Criterion("streams", "stream_gap", "max_stream_gap"),
+    Criterion("physics", "max_penetration", "max_penetration"),
+    Criterion("physics", "table_penetration", "max_penetration"),
+    Criterion("physics", "force_residual", "max_force_residual"),
+)
+
+MEASURED = tuple(dict.fromkeys(criterion.column for criterion in CRITERIA))
+"""The columns that a score is made from."""
+
+
+def quality_scores(columns: Mapping[str, Any], thresholds: QualityConfig) -> NDArray[np.uint8]:
+    """Return scores from 1 to 5: five less one for each group with a criterion that is not met.
+
+    Args:
+        columns: Values by column, at least those of ``MEASURED``, all of one shape: (N,) for N
+            episodes, () for one.
+        thresholds: What they are compared with.
+    """
+    poor: dict[str, NDArray[np.bool_]] = {}
+    for criterion in CRITERIA:
+        missed = ~criterion.is_met(columns[criterion.column], thresholds)
+        poor[criterion.group] = poor.get(criterion.group, np.False_) | missed
+    points = np.sum(list(poor.values()), axis=0)
+    return np.asarray(np.maximum(BEST - points, WORST), np.uint8)
+
+
+def shortcomings(columns: Mapping[str, Any], thresholds: QualityConfig) -> tuple[str, ...]:
+    """Return in words each criterion that one episode's values do not meet.
+
+    Args:
+        columns: Values by column, at least those of ``MEASURED``.
+        thresholds: What they are compared with.
+    """
+    return tuple(
+        criterion.text(float(columns[criterion.column]), thresholds)
+        for criterion in CRITERIA
+        if not criterion.is_met(columns[criterion.column], thresholds)
+    )
