@@ -1,0 +1,142 @@
+"""The commands that put stores together and take them apart."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+import click
+
+from grasp_factory.arguments import AS_JSON, STORE, indices, print_json
+from grasp_factory.errors import UsageError, lookup, shown
+from grasp_factory.records import is_integer
+from grasp_factory.yamltext import parse_yaml
+
+if TYPE_CHECKING:
+    from grasp_factory.collecting import Collected
+    from grasp_factory.dataset import Dataset
+
+OUT = click.argument("out", type=click.Path(path_type=Path))
+
+
+@click.command()
+@OUT
+@click.argument("stores", metavar="STORE...", nargs=-1, type=click.Path(path_type=Path))
+@AS_JSON
+def merge(out: Path, stores: tuple[Path, ...], as_json: bool) -> None:
+    """Put several stores into one.
+
+    Parts of one seed's dataset become that dataset again; stores of different seeds follow one
+    another. Their settings may differ in the seed alone. OUT must not exist; every episode is read
+    back and compared before it does.
+    """
+    from grasp_factory.collecting import merge as run
+
+    with _counted() as hooks:
+        result = run(stores, out, **hooks)
+    _print(result, as_json)
+
+
+@click.command()
+@STORE
+@OUT
+@click.option("--episodes", metavar="I,J,...", help="These rows.")
+@click.option("--ids", metavar="FILE", type=click.File(), help="Rows, one to a line; - is stdin.")
+@click.option(
+    "--where",
+    metavar="COLUMN=VALUE",
+    multiple=True,
+    help="Episodes with this value, or one of a list, as in policy=[top_down,uniform]. Repeatable.",
+)
+@AS_JSON
+def split(
+    path: Path,
+    out: Path,
+    *,
+    episodes: str | None,
+    ids: TextIO | None,
+    where: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Put chosen episodes of a store into a new one.
+
+    Chosen are those of the store at PATH that every option names, in ascending order. OUT must not
+    exist; every episode is read back and compared before it does.
+    """
+    from grasp_factory.collecting import split as run
+    from grasp_factory.dataset import Dataset
+
+    given = [] if episodes is None else [indices(episodes)]
+    if ids is not None:
+        given.append(_read_ids(ids))
+    dataset = Dataset.open(path)
+    given += [_matching(dataset, condition) for condition in where]
+    if not given:
+        raise UsageError("nothing is chosen: name episodes with --episodes, --ids or --where")
+    common = set(given[0]).intersection(*given[1:])
+    chosen = [index for index in given[0] if index in common]
+    with _counted() as hooks:
+        result = run(path, out, chosen, **hooks)
+    _print(result, as_json)
+
+
+def _read_ids(file: TextIO) -> list[int]:
+    """Return the indices in a file, one to a line; empty lines count for nothing."""
+    out = []
+    try:
+        for number, line in enumerate(file, start=1):
+            word = line.strip()
+            if not word:
+                continue
+            if not (word.isascii() and word.isdecimal() and len(word) <= 9):
+                what = f"--ids {file.name}: line {number}: got {shown(word)}"
+                raise UsageError(f"{what}, valid: one episode index a line, such as 17")
+            out.append(int(word))
+    except UnicodeDecodeError:
+        raise UsageError(f"--ids {file.name}: it is no text, valid: an index a line") from None
+    return out
+
+
+def _matching(dataset: Dataset, condition: str) -> list[int]:
+    """Return the episodes that COLUMN=VALUE names."""
+    column, equals, text = condition.partition("=")
+    if not equals:
+        what = f"--where {shown(condition)}"
+        raise UsageError(f"{what}: expected COLUMN=VALUE, such as split=train")
+    lookup(dict.fromkeys(dataset.columns), "column", column)
+    value = parse_yaml(text, f"--where {column}")
+    items = value if isinstance(value, list) else [value]
+    if not all(isinstance(item, str | bool | float) or is_integer(item) for item in items):
+        raise UsageError(f"--where {column}: got {shown(value)}, valid: a value, or [a, list]")
+    found: list[int] = dataset.where(**{column: value}).tolist()
+    return found
+
+
+@contextlib.contextmanager
+def _counted() -> Iterator[dict[str, Callable[..., None]]]:
+    """Give what shows a bar while rows are copied, where stderr is a terminal."""
+    from grasp_factory.progress import Counter
+
+    with contextlib.ExitStack() as stack:
+        counters: list[Counter] = []
+
+        def start(rows: int) -> None:
+            counters.append(stack.enter_context(Counter(rows, "episode")))
+
+        def count() -> None:
+            counters[-1].count()
+
+        yield {"on_start": start, "on_row": count}
+
+
+def _print(result: Collected, as_json: bool) -> None:
+    from grasp_factory.report import collected_text
+
+    if as_json:
+        print_json(result)
+    else:
+        click.echo(collected_text(result))

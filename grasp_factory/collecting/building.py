@@ -1,0 +1,172 @@
+"""Writing a planned store block by block, and reading each block back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.collecting.labels import carried_labels
+from grasp_factory.collecting.place import Place
+from grasp_factory.collecting.provenance import SeedSource
+from grasp_factory.collecting.reading import RowReader, StoredRow, mending
+from grasp_factory.collecting.result import Collected
+from grasp_factory.collecting.source import Source
+from grasp_factory.collecting.union import NOBODY, Plan
+from grasp_factory.errors import StoreError
+from grasp_factory.records import to_plain
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.header import SOURCES, open_array, open_store, read_array
+from grasp_factory.writers.objects import GROUP
+from grasp_factory.writers.packing import pack
+from grasp_factory.writers.seals import VALUES_SEAL, values_digest
+from grasp_factory.writers.store import create_store
+from grasp_factory.writers.zarr import ZarrWriter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """A store to put together."""
+
+    place: Place
+    sources: Sequence[Source]
+    """The first one's config and root attributes become those of the result."""
+    plan: Plan
+    seeds: tuple[SeedSource, ...]
+    is_plain: bool
+    """Whether row i is episode i of one seed."""
+    repeated: int = 0
+    warnings: tuple[str, ...] = ()
+
+
+def build(
+    order: Order,
+    on_start: Callable[[int], None],
+    on_row: Callable[[], None],
+) -> Collected:
+    """Write the store and say what is in it.
+
+    Args:
+        order: what is to be done.
+        on_start: called once with the number of rows to copy, after every check.
+        on_row: called for each row that has been written and read back.
+
+    Raises:
+        StoreError: if a row is damaged in its store or differs when it is read back, or the disk
+            fails. Nothing is left then.
+        UsageError: if it cannot be written there.
+    """
+    first, plan = order.sources[0], order.plan
+    labels, left_out = carried_labels(order.sources, plan)
+    objects = {name: _objects(order.sources, name) for name in first.config.object_folders}
+    statuses = _statuses(order)
+    with order.place.building() as aside:
+        create_store(
+            aside,
+            first.config,
+            _attributes(order),
+            joints=first.reader.joints,
+            n=len(plan.store),
+            objects=objects,
+        )
+        on_start(int(np.sum(statuses > 0)))
+        _copy(order, aside, on_row)
+        if not np.array_equal(Columns.open(aside).read("status")["status"], statuses):
+            raise _not_as_written(order.place.path, "its rows are not all there")
+        for label in labels:
+            label.write(aside)
+        pack(aside)
+    missing, committed, quarantined = np.bincount(statuses, minlength=3).tolist()
+    return Collected(
+        path=str(order.place.path),
+        rows=len(plan.store),
+        committed=committed,
+        quarantined=quarantined,
+        missing=missing,
+        can_grow=order.is_plain,
+        repeated=order.repeated,
+        sources=order.seeds,
+        labels=tuple(label.name for label in labels),
+        labels_left_out=left_out,
+        warnings=order.warnings,
+    )
+
+
+def _attributes(order: Order) -> dict[str, Any]:
+    attributes = {k: v for k, v in order.sources[0].attributes.items() if k != SOURCES}
+    if order.is_plain:
+        return attributes
+    return attributes | {SOURCES: to_plain(order.seeds)}
+
+
+def _statuses(order: Order) -> NDArray[np.uint8]:
+    statuses = np.zeros(len(order.plan.store), np.uint8)
+    for k, source in enumerate(order.sources):
+        mine = order.plan.store == k
+        statuses[mine] = source.status[order.plan.row[mine]]
+    return statuses
+
+
+def _objects(sources: Sequence[Source], name: str) -> bytes:
+    """Return the archive of a set of users' objects from the first store that has it undamaged."""
+    for source in sources:
+        try:
+            array = open_array(open_store(source.path, mode="r")[0], f"{GROUP}/{name}")
+            archive = read_array(array)
+        except StoreError:
+            continue
+        if array.attrs.get(VALUES_SEAL) == values_digest(archive):
+            return archive.tobytes()
+    where = sources[0].path / GROUP / name
+    raise StoreError(f"{where} is damaged; {mending(sources[0].path)}")
+
+
+def _copy(order: Order, aside: Path, on_row: Callable[[], None]) -> None:
+    """Copy block by block; read back what was written, and compare."""
+    writer, reader = ZarrWriter(aside), RowReader(aside)
+    for block in range(-(-writer.length // writer.block_size)):
+        start = block * writer.block_size
+        plan = order.plan[start : start + writer.block_size]
+        wanted = _copy_block(order, plan, block, writer)
+        stop = start + len(wanted)
+        try:
+            found = [row.checksum for row in reader.read(start, stop)]
+        except StoreError:
+            found = []
+        if found != wanted:
+            raise _not_as_written(order.place.path, f"rows {start} to {stop - 1} are others")
+        for _ in wanted:
+            on_row()
+
+
+def _copy_block(order: Order, plan: Plan, block: int, writer: ZarrWriter) -> list[str]:
+    """Write a block; return the checksums of its rows, which are held no longer."""
+    rows = list(_rows(order, plan))
+    if rows:
+        writer.write_block(block, [row.content for row in rows])
+    return [row.checksum for row in rows]
+
+
+def _rows(order: Order, plan: Plan) -> Iterator[StoredRow]:
+    there = plan[plan.store != NOBODY]
+    recipes = zip(there.seed.tolist(), there.index.tolist(), strict=True)
+    for k, first, stop in plan.runs():
+        source = order.sources[k]
+        for i, row in enumerate(source.reader.read(first, stop), first):
+            spec, recipe = row.content.spec, next(recipes)
+            if (spec.seed, spec.index) != recipe:
+                raise StoreError(
+                    f"{source.path}: row {i} holds episode {spec.index} of seed {spec.seed}, not"
+                    f" {recipe[1]} of {recipe[0]}; {mending(source.path)}"
+                )
+            yield row
+
+
+def _not_as_written(path: Path, what: str) -> StoreError:
+    return StoreError(
+        f"{path}: read back after writing, {what}; disk or memory may be failing, nothing is kept"
+    )

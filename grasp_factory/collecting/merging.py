@@ -1,0 +1,131 @@
+"""Several stores into one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from grasp_factory.collecting.building import Order, build
+from grasp_factory.collecting.place import Place
+from grasp_factory.collecting.provenance import Maker, generator_difference, seed_sources
+from grasp_factory.collecting.result import Collected
+from grasp_factory.collecting.source import Source
+from grasp_factory.collecting.union import Union, in_place, union
+from grasp_factory.config import first_difference
+from grasp_factory.errors import StoreMismatchError, UsageError
+
+
+def merge(
+    stores: Iterable[Path | str],
+    out: Path | str,
+    *,
+    on_start: Callable[[int], None] = lambda rows: None,
+    on_row: Callable[[], None] = lambda: None,
+) -> Collected:
+    """Put the rows of several stores of one config into a new store.
+
+    Parts of one seed's dataset become that dataset, each row where it was. Otherwise the rows stand
+    seed by seed, and the result has the root attribute ``sources``. The first store's seed and
+    facts become the result's.
+
+    Args:
+        stores: paths of stores whose configs differ in the seed at most. They may be written
+            meanwhile; what is committed when they are opened goes in.
+        out: where nothing is yet, or an empty directory.
+        on_start: called with the number of rows to copy, after every check.
+        on_row: called for each row when it has been written, read back and compared.
+
+    Raises:
+        UsageError: for stores that do not go together, or a place that is taken.
+        StoreError: if a store is damaged, two of them differ in an episode that both have, or the
+            disk fails. Nothing is left then.
+    """
+    place = Place(out)
+    sources = _open(stores)
+    place.check_apart(source.place for source in sources)
+    found = union([source.present() for source in sources])
+    _check_repeats(sources, found)
+    seeds = {source.config.seed for source in sources}
+    is_plain = len(seeds) == 1 and not any(source.is_collected for source in sources)
+    if not (is_plain or len(found.plan)):
+        raise UsageError("the stores have no episodes: there is nothing to merge")
+    first = sources[0].config
+    plan = in_place(found.plan, first.seed, max(map(len, sources))) if is_plain else found.plan
+    order = Order(
+        place=place,
+        sources=sources,
+        plan=plan,
+        seeds=seed_sources(found.plan, [s.makers for s in sources], first),
+        is_plain=is_plain,
+        repeated=len(found.repeats[0]),
+        warnings=tuple(_warnings(sources)),
+    )
+    return build(order, on_start, on_row)
+
+
+def _open(stores: Iterable[Path | str]) -> list[Source]:
+    sources = [Source(store) for store in stores]
+    if not sources:
+        raise UsageError("no stores: name one or more to merge")
+    seen: dict[tuple[int, int], Source] = {}
+    for source in sources:
+        stat = source.place.stat()
+        twin = seen.setdefault((stat.st_dev, stat.st_ino), source)
+        if twin is not source:
+            raise UsageError(f"{source.path} is the same store as {twin.path}: name it once")
+        source.check_fits(sources[0])
+    _check_generators(sources)
+    return sources
+
+
+def _check_generators(sources: Sequence[Source]) -> None:
+    """Check that what was made of one seed was made by one generator."""
+    made: dict[int, tuple[Maker, Source]] = {}
+    for source in sources:
+        for seed, makers in source.makers.items():
+            for maker in makers:
+                before, other = made.setdefault(seed, (maker, source))
+                if found := generator_difference(maker, before):
+                    raise StoreMismatchError(
+                        f"{source.path} and {other.path} hold episodes of seed {seed} that other"
+                        f" versions made ({found}): make one of them again, with another seed or"
+                        " with those versions"
+                    )
+
+
+def _check_repeats(sources: Sequence[Source], found: Union) -> None:
+    """Check that rows that several stores have are the same.
+
+    One may have quarantined what another has made: a worker that was killed says nothing of it.
+    """
+    left_out, kept = found.repeats
+    involved = np.unique(np.concatenate([left_out.store, kept.store])).tolist()
+    checksums = {k: sources[k].checksums() for k in involved}
+    for k in involved:
+        for twin in involved:
+            pair = np.flatnonzero((left_out.store == k) & (kept.store == twin))
+            mine = checksums[k][left_out.row[pair]]
+            alike = sources[k].status[left_out.row[pair]] == sources[twin].status[kept.row[pair]]
+            other = alike & (mine != checksums[twin][kept.row[pair]])
+            if other.any():
+                bad = left_out[pair[other][:1]]
+                raise StoreMismatchError(
+                    f"episode {bad.index[0]} of seed {bad.seed[0]} is not the same in"
+                    f" {sources[twin].path} and {sources[k].path}: `grasp-factory verify` and"
+                    " `replay` say which is right"
+                )
+
+
+def _warnings(sources: Sequence[Source]) -> Iterable[str]:
+    """Give a line for each store whose part of a seed was made elsewhere."""
+    made: dict[int, tuple[Maker, Source]] = {}
+    for source in sources:
+        for seed, makers in source.makers.items():
+            before, other = made.setdefault(seed, (makers[0], source))
+            if found := first_difference(makers[0].rest, before.rest):
+                yield (
+                    f"{source.path} and {other.path} hold episodes of seed {seed} from other"
+                    f" surroundings ({found}): images and forces may differ in their last bits"
+                )

@@ -1,0 +1,121 @@
+"""What the rows of a store were made from and with: the root attribute ``sources``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp_factory.collecting.union import Plan
+from grasp_factory.config import FactoryConfig, first_difference
+from grasp_factory.errors import ConfigError, StoreError
+from grasp_factory.records import from_plain
+from grasp_factory.writers.header import SOURCES
+
+GENERATORS = ("grasp_factory", "pybullet", "numpy")
+"""The versions that have a part in an episode's bytes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Maker:
+    """Versions and platform that episodes were made with."""
+
+    versions: Mapping[str, str]
+    platform: Mapping[str, str]
+
+    @property
+    def generators(self) -> dict[str, str]:
+        """The versions that decide the bytes."""
+        return {name: self.versions.get(name, "unknown") for name in GENERATORS}
+
+    @property
+    def rest(self) -> dict[str, str]:
+        """Versions and platform facts that should not decide them."""
+        versions = {k: v for k, v in self.versions.items() if k not in GENERATORS}
+        return {**versions, **self.platform}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeedSource:
+    """Where the rows of one seed come from: nothing of paths, hosts or times."""
+
+    seed: int
+    rows: int
+    """Committed and quarantined ones."""
+    config_sha256: str
+    """Of the config with this seed."""
+    made_with: tuple[Maker, ...]
+    """One, or more where the seed's blocks were made on several platforms."""
+
+
+def makers_of(path: Path, attributes: Mapping[str, Any], seed: int) -> dict[int, tuple[Maker, ...]]:
+    """Return by seed what a store's rows were made with, in the order of its seeds.
+
+    Args:
+        path: the store's.
+        attributes: its root's.
+        seed: of its config, which all of its rows have unless it was put together.
+
+    Raises:
+        StoreError: if the attributes do not tell it.
+    """
+    try:
+        if SOURCES in attributes:
+            return {source.seed: source.made_with for source in stored_sources(attributes)}
+        facts = {key: attributes[key] for key in ("versions", "platform")}
+        return {seed: (from_plain(Maker, facts),)}
+    except (ConfigError, StoreError) as error:
+        raise StoreError(f"{path} is damaged: zarr.json: {error}") from None
+
+
+def stored_sources(attributes: Mapping[str, Any]) -> tuple[SeedSource, ...]:
+    """Return what the root attributes of a store that was put together say of its seeds.
+
+    Raises:
+        StoreError: if they are damaged.
+    """
+    try:
+        return tuple(from_plain(SeedSource, item) for item in attributes[SOURCES])
+    except (ConfigError, KeyError, TypeError) as error:
+        raise StoreError(f"attribute {SOURCES} is damaged: {error}") from None
+
+
+def seed_sources(
+    plan: Plan, makers: Sequence[Mapping[int, tuple[Maker, ...]]], config: FactoryConfig
+) -> tuple[SeedSource, ...]:
+    """Return the provenance of a plan's rows, seed by seed in their order.
+
+    Args:
+        plan: of rows that all are in a store.
+        makers: of each store's seeds.
+        config: whose seed alone differs.
+    """
+    seeds, first, counts = np.unique(plan.seed, return_index=True, return_counts=True)
+    out = []
+    for k in np.argsort(first):
+        seed = int(seeds[k])
+        used = np.unique(plan.store[plan.seed == seed]).tolist()
+        own = replace(config, seed=seed)
+        made_with = _once(maker for store in used for maker in makers[store][seed])
+        out.append(
+            SeedSource(
+                seed=seed, rows=int(counts[k]), config_sha256=own.sha256(), made_with=made_with
+            )
+        )
+    return tuple(out)
+
+
+def generator_difference(a: Maker, b: Maker) -> str:
+    """Return how the versions that decide an episode's bytes differ; empty if they do not."""
+    return first_difference(a.generators, b.generators) or ""
+
+
+def _once(makers: Iterable[Maker]) -> tuple[Maker, ...]:
+    out: list[Maker] = []
+    for maker in makers:
+        if maker not in out:
+            out.append(maker)
+    return tuple(out)

@@ -1,0 +1,92 @@
+"""Rows of a store as they were written, each checked against its checksum."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.errors import StoreError
+from grasp_factory.rows import Row, assemble, read_rows
+from grasp_factory.writers.base import Quarantined
+from grasp_factory.writers.header import open_store
+from grasp_factory.writers.stored import open_arrays
+from grasp_factory.writers.zarr import COMMITTED, QUARANTINED
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredRow:
+    """A row that matches its checksum."""
+
+    content: Episode | Quarantined
+    checksum: str
+
+
+class RowReader:
+    """Reads whole rows of a store.
+
+    Attributes:
+        path: the store's.
+        config: what it was made from.
+        joints: of its robot.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open the store at ``path``.
+
+        Raises:
+            StoreMismatchError: if there is no store.
+            StoreError: if it is damaged, or lacks an array.
+        """
+        self.path = path
+        root, self.config = open_store(path, mode="r")
+        self._fields = {row.path: row for row in schema.expand(self.config)}
+        self._arrays = open_arrays(root, path, self._fields, set(self._fields))
+        self.joints: int = self._arrays["streams/joint_positions"].zarr.shape[-1]
+
+    def read(self, start: int, stop: int) -> Iterator[StoredRow]:
+        """Give rows ``start`` to ``stop`` - 1, which are all in one block.
+
+        Raises:
+            StoreError: naming the row, if one is missing, or not what was written.
+        """
+        try:
+            rows = read_rows(
+                lambda path, i, j: self._arrays[path].read(i, j), self._fields, start, stop
+            )
+        except StoreError as error:
+            raise StoreError(f"{error}; {mending(self.path)}") from None
+        for i, row in enumerate(rows, start):
+            yield self._checked(i, row)
+
+    def _checked(self, i: int, row: Row) -> StoredRow:
+        try:
+            content = _content(row, self.config)
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
+            raise self._damaged(i, f"is damaged: {error}") from None
+        found = checksum(content.contents())
+        if found != str(row[schema.CHECKSUM.path]):
+            raise self._damaged(i, "does not match its checksum")
+        return StoredRow(content=content, checksum=found)
+
+    def _damaged(self, i: int, what: str) -> StoreError:
+        return StoreError(f"{self.path}: episode {i} {what}; {mending(self.path)}")
+
+
+def mending(path: Path) -> str:
+    """Return what to do about a store that is damaged."""
+    return f"run `grasp-factory verify {path}`, then `grasp-factory repair {path}`"
+
+
+def _content(row: Row, config: FactoryConfig) -> Episode | Quarantined:
+    match int(row[schema.STATUS.path]):
+        case status if status == COMMITTED:
+            return assemble(row, config.cameras)
+        case status if status == QUARANTINED:
+            spec = EpisodeSpec.from_json(str(row["episodes/spec"]))
+            return Quarantined(spec, str(row[schema.ERROR.path]))
+        case _:
+            raise ValueError("it is missing")

@@ -1,0 +1,31 @@
+"""What came of a merge or a split."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from grasp_factory.collecting.provenance import SeedSource
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Collected:
+    """A store that was put together. Every row was read back and compared."""
+
+    path: str
+    rows: int
+    committed: int
+    quarantined: int
+    missing: int
+    """Rows that no store had; only where the result is a dataset of one seed, which ``generate``
+    completes."""
+    can_grow: bool
+    """Whether row i is episode i of one seed, as if ``generate`` had made it."""
+    repeated: int
+    """Rows that were in more than one store, counted once for each store beyond the first."""
+    sources: tuple[SeedSource, ...]
+    labels: tuple[str, ...]
+    """Added labels that were carried over."""
+    labels_left_out: Mapping[str, str]
+    """Those that were not, and why."""
+    warnings: tuple[str, ...]

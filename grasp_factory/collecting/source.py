@@ -1,0 +1,144 @@
+"""A store that rows are taken from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.collecting.provenance import Maker, makers_of
+from grasp_factory.collecting.reading import RowReader, mending
+from grasp_factory.collecting.union import Rows
+from grasp_factory.config import first_difference
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.writers.files import locate
+from grasp_factory.writers.header import SOURCES
+from grasp_factory.writers.seals import SEAL, is_sealed
+from grasp_factory.writers.zarr import QUARANTINED
+
+_OF_EACH = {"seed", "config", "config_sha256", "versions", "platform", "created_by", SOURCES}
+"""Root attributes that may differ between stores that are put together."""
+
+
+class Source:
+    """A store as it is when it is opened: blocks that are committed later are not in it.
+
+    Attributes:
+        path: as the user gave it.
+        place: where it leads, links followed.
+        attributes: the root's, without the seal.
+        status: (N,): 0 missing, 1 committed, 2 quarantined.
+        is_collected: whether it was put together from others itself.
+        makers: by seed, what its rows were made with.
+        reader: of its rows.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """Open the store at ``path``.
+
+        Raises:
+            StoreMismatchError: if there is no store, or one of another version's config.
+            StoreError: if it is damaged.
+        """
+        self.path, self.place = Path(path), locate(Path(path))
+        self._dataset = Dataset.open(self.path)
+        if not is_sealed(self.path / "zarr.json"):
+            what = f"{self.path} is damaged: zarr.json is not as it was written"
+            raise StoreError(f"{what}; {mending(self.path)}")
+        self.attributes = {k: v for k, v in self._dataset.attributes.items() if k != SEAL}
+        self._check_config()
+        self.reader = RowReader(self.path)
+        self.config = self.reader.config
+        self.is_collected = SOURCES in self.attributes
+        self.makers: dict[int, tuple[Maker, ...]] = makers_of(
+            self.path, self.attributes, self.config.seed
+        )
+        self.status = self._dataset.status
+
+    def __len__(self) -> int:
+        """Return the number of rows, whatever their status."""
+        return len(self.status)
+
+    def present(self) -> Rows:
+        """Return the rows that are committed or quarantined.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        return self.rows(np.flatnonzero(self.status))
+
+    def rows(self, row: NDArray[np.int64]) -> Rows:
+        """Return some rows with their recipes' seeds and indices.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        is_quarantined = self.status[row] == QUARANTINED
+        if not self.is_collected:
+            seed = np.full(len(row), self.config.seed, np.int64)
+            return Rows(row=row, seed=seed, index=row, is_quarantined=is_quarantined)
+        seed, index = (self._dataset.column(name)[row] for name in ("seed", "index"))
+        unknown = set(seed.tolist()) - set(self.makers)
+        if unknown:
+            what = f"{self.path} is damaged: {SOURCES} does not name seed {min(unknown)}"
+            raise StoreError(f"{what}; {mending(self.path)}")
+        return Rows(row=row, seed=seed, index=index, is_quarantined=is_quarantined)
+
+    def checksums(self) -> NDArray[Any]:
+        """Return the stored checksum of every row, (N,).
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        return self._dataset.column("checksum")
+
+    def labels(self) -> list[str]:
+        """Return the names of the labels that were added to it."""
+        return self._dataset.labels
+
+    def label(self, name: str) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+        """Return an added label's outcomes and its array's attributes.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        array = self._dataset.arrays()[f"labels/{name}/outcome"]
+        return self._dataset.label(name), array.attrs.asdict()
+
+    def check_fits(self, other: Source) -> None:
+        """Check that rows of this store and of another one can be in one store.
+
+        Raises:
+            StoreMismatchError: naming the first setting, or fact, in which they differ.
+        """
+        mine, others = (
+            {k: v for k, v in side.attributes["config"].items() if k != "seed"}
+            for side in (self, other)
+        )
+        if found := first_difference(mine, others):
+            raise StoreMismatchError(
+                f"{self.path} is of another config than {other.path} ({found}); only the seed may"
+                " differ"
+            )
+        mine, others = (
+            {k: v for k, v in side.attributes.items() if k not in _OF_EACH}
+            for side in (self, other)
+        )
+        if found := first_difference(mine, others):
+            raise StoreMismatchError(
+                f"{self.path} says other things of its episodes than {other.path} ({found}):"
+                " they were made by versions that do not go together"
+            )
+
+    def _check_config(self) -> None:
+        """Check that this version reads the config as the one that wrote it."""
+        config = self._dataset.config
+        if self.attributes["config_sha256"] != config.sha256():
+            found = first_difference(self.attributes["config"], config.to_plain())
+            raise StoreMismatchError(
+                f"{self.path} was made by another version of grasp-factory"
+                f" ({found or 'config_sha256'}): use that version"
+            )

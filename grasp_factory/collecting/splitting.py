@@ -1,0 +1,82 @@
+"""A selection of a store's episodes into a new store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.collecting.building import Order, build
+from grasp_factory.collecting.place import Place
+from grasp_factory.collecting.provenance import seed_sources
+from grasp_factory.collecting.result import Collected
+from grasp_factory.collecting.source import Source
+from grasp_factory.collecting.union import Plan
+from grasp_factory.errors import UsageError, shown
+from grasp_factory.records import is_integer
+
+
+def split(
+    store: Path | str,
+    out: Path | str,
+    indices: Iterable[int],
+    *,
+    on_start: Callable[[int], None] = lambda rows: None,
+    on_row: Callable[[], None] = lambda: None,
+) -> Collected:
+    """Put some episodes of a store into a new store, which has the root attribute ``sources``.
+
+    Args:
+        store: path of the store, which stays as it is.
+        out: where nothing is yet, or an empty directory.
+        indices: rows that hold an episode, each once, in any order; the new store has them in
+            ascending order.
+        on_start: called with the number of rows to copy, after every check.
+        on_row: called for each row when it has been written, read back and compared.
+
+    Raises:
+        UsageError: for rows that the store does not have, or a place that is taken.
+        StoreError: if the store is damaged, or the disk fails. Nothing is left then.
+    """
+    place, source = Place(out), Source(store)
+    place.check_apart([source.place])
+    chosen = source.rows(_checked(source, indices))
+    plan = Plan(
+        store=np.zeros(len(chosen.row), np.int64),
+        row=chosen.row,
+        seed=chosen.seed,
+        index=chosen.index,
+    )
+    order = Order(
+        place=place,
+        sources=[source],
+        plan=plan,
+        seeds=seed_sources(plan, [source.makers], source.config),
+        is_plain=False,
+    )
+    return build(order, on_start, on_row)
+
+
+def _checked(source: Source, indices: Iterable[int]) -> NDArray[np.int64]:
+    """Return indices, ascending, each of which is that of an episode."""
+    given = list(indices)
+    for index in given:
+        if not is_integer(index) or not 0 <= index < len(source):
+            valid = f"0 to {len(source) - 1}" if len(source) else "none, the store is empty"
+            raise UsageError(f"episode {shown(index)} of {source.path}: valid: {valid}")
+    if not given:
+        raise UsageError(f"no episodes of {source.path} are chosen: there is nothing to split off")
+    rows, counts = np.unique(np.array(given, np.int64), return_counts=True)
+    if (counts > 1).any():
+        twice = int(rows[counts > 1][0])
+        raise UsageError(f"episode {twice} of {source.path} is chosen twice: name it once")
+    for status, word in ((0, "missing"), (2, "quarantined")):
+        others = rows[source.status[rows] == status]
+        if len(others):
+            raise UsageError(
+                f"episode {others[0]} of {source.path} is {word}: only episodes that are there can"
+                " be chosen"
+            )
+    return rows

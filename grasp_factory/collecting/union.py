@@ -1,0 +1,115 @@
+"""Which row of which store becomes which row of the result: arrays of numbers only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Integers = NDArray[np.int64]
+NOBODY = -1
+"""In place of a store's position: a row that no store has."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """Rows of one store, in the store's order, by the recipes that they were made from."""
+
+    row: Integers
+    """(R,)."""
+    seed: Integers
+    """(R,)."""
+    index: Integers
+    """(R,)."""
+    is_quarantined: NDArray[np.bool_]
+    """(R,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """Where each row of the result comes from."""
+
+    store: Integers
+    """(N,) position among the stores, or ``NOBODY``."""
+    row: Integers
+    """(N,) row there."""
+    seed: Integers
+    """(N,)."""
+    index: Integers
+    """(N,)."""
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.store)
+
+    def __getitem__(self, rows: Any) -> Plan:
+        """Return the plan of some rows."""
+        return Plan(**{name: getattr(self, name)[rows] for name in self.__slots__})
+
+    def runs(self) -> list[tuple[int, int, int]]:
+        """Return (store, first row, row after the last) of what one store holds in a row.
+
+        Rows that nobody has are in none.
+        """
+        out: list[tuple[int, int, int]] = []
+        for store, row in zip(self.store.tolist(), self.row.tolist(), strict=True):
+            if store == NOBODY:
+                continue
+            if out and out[-1][0] == store and out[-1][2] == row:
+                out[-1] = (store, out[-1][1], row + 1)
+            else:
+                out.append((store, row, row + 1))
+        return out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Union:
+    """The rows of several stores, each recipe once."""
+
+    plan: Plan
+    """Seed by seed, in the order in which they appear first, store by store; then by index."""
+    repeats: tuple[Plan, Plan]
+    """(K,) each: rows that are left out, and those that are in their place. Their contents are to
+    be the same."""
+
+
+def union(stores: Sequence[Rows]) -> Union:
+    """Return the rows of all stores, each (seed, index) once.
+
+    That is the row of the first store that has the episode, or else has it in quarantine.
+
+    Args:
+        stores: at least one.
+    """
+    store = np.repeat(np.arange(len(stores)), [len(rows.row) for rows in stores])
+    row, seed, index, is_quarantined = (
+        np.concatenate([getattr(rows, name) for rows in stores])
+        for name in ("row", "seed", "index", "is_quarantined")
+    )
+    _, first, which = np.unique(seed, return_index=True, return_inverse=True)
+    everything = Plan(store=store, row=row, seed=seed, index=index)
+    everything = everything[np.lexsort((store, is_quarantined, index, first[which]))]
+    seed, index = everything.seed, everything.index
+    is_new = np.ones(len(seed), np.bool_)
+    is_new[1:] = (seed[1:] != seed[:-1]) | (index[1:] != index[:-1])
+    originals = np.maximum.accumulate(np.where(is_new, np.arange(len(seed)), 0))
+    left_out = np.flatnonzero(~is_new)
+    return Union(
+        plan=everything[is_new], repeats=(everything[left_out], everything[originals[left_out]])
+    )
+
+
+def in_place(plan: Plan, seed: int, length: int) -> Plan:
+    """Return the plan of a store in which the number of a row is the index of its recipe.
+
+    Args:
+        plan: rows of one seed.
+        seed: this one.
+        length: rows of that store.
+    """
+    store, row = np.full(length, NOBODY, np.int64), np.zeros(length, np.int64)
+    store[plan.index], row[plan.index] = plan.store, plan.row
+    return Plan(store=store, row=row, seed=np.full(length, seed), index=np.arange(length))
