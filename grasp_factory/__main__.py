@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Iterator
@@ -13,21 +12,19 @@ from typing import Any, NoReturn
 
 import click
 
-from grasp_factory.cli import (
+from grasp_factory.errors import (
     EXIT_DONE,
     EXIT_FAILURE,
     EXIT_INTERRUPTED,
     EXIT_TERMINATED,
     EXIT_USAGE,
-    cli,
-)
-from grasp_factory.errors import (
-    DISK_TROUBLE,
     GraspFactoryError,
     GraspFactoryWarning,
     Terminated,
     UsageError,
 )
+from grasp_factory.stopping import leave, signals_as_exceptions
+from grasp_factory.trouble import MACHINE_TROUBLE
 
 LONGEST_MESSAGE = 1000
 
@@ -39,9 +36,13 @@ def main() -> NoReturn:
     """
     _mend_streams()
     try:
-        with _signals_as_exceptions(), _warnings_as_lines():
+        with signals_as_exceptions(), _warnings_as_lines():
+            from grasp_factory.cli import cli  # noqa: PLC0415 - takes so long that Ctrl-C may come
+
             code = cli.main(prog_name="grasp-factory", standalone_mode=False) or EXIT_DONE
         sys.stdout.flush()
+    except SystemExit as left:
+        code = left.code if isinstance(left.code, int) else EXIT_DONE
     except click.ClickException as error:
         code = _complain(error.format_message(), error.exit_code)
     except UsageError as error:
@@ -55,10 +56,11 @@ def main() -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_FAILURE
     except OSError as error:
-        if error.errno not in DISK_TROUBLE:
+        if error.errno not in MACHINE_TROUBLE:
             raise
-        code = _complain(f"{error.strerror} {error.filename or ''}", EXIT_FAILURE)
-    sys.exit(code)
+        where = f"{error.filename}: " if error.filename else ""
+        code = _complain(f"{where}{error.strerror}", EXIT_FAILURE)
+    leave(code)
 
 
 def _mend_streams() -> None:
@@ -81,34 +83,6 @@ def _mend_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-
-
-@contextlib.contextmanager
-def _signals_as_exceptions() -> Iterator[None]:
-    """Raise ``Terminated`` at SIGTERM as Ctrl-C raises, so that all is left in good order.
-
-    A second Ctrl-C ends it at once; so the workers end, too, and the store is as after a power cut.
-    """
-
-    def terminate(*_: Any) -> NoReturn:
-        # `timeout` sends it twice. Not SIG_IGN: Python complains of a signal on its way meanwhile.
-        signal.signal(signal.SIGTERM, lambda *_: None)
-        raise Terminated
-
-    def interrupt(*_: Any) -> NoReturn:
-        signal.signal(signal.SIGINT, lambda *_: os._exit(EXIT_INTERRUPTED))
-        raise KeyboardInterrupt
-
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
-    signal.signal(signal.SIGTERM, terminate)
-    # A shell starts what is in the background with Ctrl-C ignored; so it stays.
-    if before[signal.SIGINT] is signal.default_int_handler:
-        signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

@@ -12,10 +12,11 @@ from typing import Any
 
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode
-from grasp_factory.errors import DISK_TROUBLE, RecipeError, StoreError
+from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.executors import Report
 from grasp_factory.rollout import run_episode
 from grasp_factory.sampling import sample_spec
+from grasp_factory.trouble import GO_ON, MACHINE_TROUBLE
 from grasp_factory.world import World
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr import ZarrWriter
@@ -101,12 +102,12 @@ class BlockMaker:
         try:
             return run_episode(self._world, spec)
         except RecipeError as error:
+            _blame_machine(error.__context__, index)
             return Quarantined(spec, str(error))
         except MemoryError:
             raise
         except Exception as error:
-            if isinstance(error, OSError) and error.errno in DISK_TROUBLE:
-                raise StoreError(f"episode {index} cannot be made: {error.strerror}") from None
+            _blame_machine(error, index)
             self.close()  # whatever it did to the world, the next episode shall not notice
             return Quarantined(spec, _reason(error))
 
@@ -138,12 +139,15 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__}: {text} ({Path(place.filename).name}:{place.lineno})"
 
 
+def _blame_machine(error: BaseException | None, index: int) -> None:
+    """Raise if the machine is at fault: an episode must not be quarantined for that."""
+    if isinstance(error, OSError) and error.errno in MACHINE_TROUBLE:
+        raise StoreError(f"episode {index} cannot be made: {error.strerror}; {GO_ON}") from None
+
+
 @contextlib.contextmanager
 def _naming_disk_trouble(what: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StoreError(
-            f"{what}: {error.strerror or error}; the blocks that are committed stay: mend that and"
-            " run the same command again to go on"
-        ) from None
+        raise StoreError(f"{what}: {error.strerror or error}; {GO_ON}") from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from grasp_factory import carried
 from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made, block_range
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import StoreBusyError, lookup
+from grasp_factory.errors import StoreBusyError, StoreError, lookup
 from grasp_factory.executors import InlineExecutor, ProcessExecutor
 from grasp_factory.losses import Failures, Losses
 from grasp_factory.objects import OBJECT_SETS, find_set
@@ -25,6 +25,7 @@ from grasp_factory.request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Reques
 from grasp_factory.robots import ROBOTS, RobotModel
 from grasp_factory.runlog import RunLog
 from grasp_factory.summary import StoreSummary, summarise
+from grasp_factory.trouble import GO_ON, MACHINE_TROUBLE
 from grasp_factory.world.connection import check_renderer
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.lock import ShardLock, StoreLock
@@ -118,7 +119,7 @@ def generate(
     carried.unpack(path, config)
     robot = check_names(config)
     check_renderer(config.renderer)
-    with _lock(request) as lock, RunLog(target, request) as log:
+    with _saying_how_to_go_on(), _lock(request) as lock, RunLog(target, request) as log:
         if lock.is_alone:
             facts, objects = {"robot": robot.facts()}, carried.packed(config)
             prepare_store(path, config, len(robot.arm_joints), request.n, facts, objects=objects)
@@ -168,6 +169,23 @@ def check_names(config: FactoryConfig) -> RobotModel:
     valid = f"{low:g} to {high:g} N, which is what the gripper of {robot.name} can do"
     check(low <= force <= high, "motion.grip_force", force, valid)
     return robot
+
+
+@contextlib.contextmanager
+def _saying_how_to_go_on() -> Iterator[None]:
+    """Add to an error of the disk what it means for the store."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in MACHINE_TROUBLE:
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        raise StoreError(f"{where}{error.strerror}; {GO_ON}") from None
+    except StoreError as error:
+        is_of_disk = isinstance(error.__context__, OSError)
+        if not is_of_disk or str(error).endswith(GO_ON):
+            raise
+        raise StoreError(f"{error}; {GO_ON}") from None
 
 
 def _lock(request: Request) -> StoreLock | ShardLock:

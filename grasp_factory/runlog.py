@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shlex
 import socket
 import sys
@@ -49,7 +51,7 @@ class RunLog:
         """
         self._is_new = not self.path.exists()
         try:
-            self._diary = self.path.open("a", encoding="utf-8")
+            self._diary = self.path.open("ab+", buffering=0)
         except OSError as error:
             raise cannot_write(self.path, error) from None
         self._started, self._clock = datetime.now(UTC), time.monotonic()
@@ -68,12 +70,20 @@ class RunLog:
         try:
             with self._diary:
                 if self._began:
-                    self._diary.write(json.dumps(self._line(kind)) + "\n")
+                    self._append(json.dumps(self._line(kind)))
             if not self._began and self._is_new and not self.path.stat().st_size:
                 self.path.unlink()
         except OSError as trouble:
             text = f"{self.path} has no line of this run: {trouble.strerror}"
             warnings.warn(text, GraspFactoryWarning, stacklevel=2)
+
+    def _append(self, line: str) -> None:
+        # A full disk, or a kill, may have cut the last line short: it must not take this one along.
+        size = self._diary.seek(0, os.SEEK_END)
+        is_cut = size > 0 and os.pread(self._diary.fileno(), 1, size - 1) != b"\n"
+        data = b"\n" * is_cut + f"{line}\n".encode()
+        if self._diary.write(data) < len(data):  # there was room for a part of it
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def _line(self, kind: type[BaseException] | None) -> dict[str, Any]:
         seconds = time.monotonic() - self._clock

@@ -30,12 +30,16 @@ def start(out: Path) -> subprocess.Popen[str]:
     )
 
 
+def finish(run: subprocess.Popen[str]) -> None:
+    _, said = run.communicate(timeout=120)
+    assert run.returncode == 0, said
+
+
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
     """Return a store that was made in one go, and the seconds that took."""
     path, begun = tmp_path_factory.mktemp("clean") / "ds.zarr", time.monotonic()
-    run = start(path)
-    assert run.wait() == 0, run.communicate()[1]
+    finish(start(path))
     return path, time.monotonic() - begun
 
 
@@ -83,15 +87,13 @@ def test_a_run_that_is_killed_and_resumed_has_the_bytes_of_a_clean_one(
         time.sleep(rng.uniform(0.0, seconds))
         if run.poll() is None:
             kill(victim, run.pid, rng)
-        _, said = run.communicate(timeout=120)
+        if victim == "one worker":
+            finish(run)
     finally:
         run.kill()
-    if victim == "one worker":
-        assert run.returncode == 0, said
+        run.communicate()
     wait_for_group(run.pid)
-    resumed = start(out)
-    assert resumed.wait(timeout=120) == 0, resumed.communicate()[1]
-    resumed.communicate()
+    finish(start(out))
     assert Dataset.open(out).committed.tolist() == list(range(N))
     assert_same_tree(want, out)
     left = {path.name for path in tmp_path.iterdir()} - {"ds.zarr", "ds.zarr.runs.jsonl"}

@@ -524,21 +524,6 @@ class TestALongRun:
         ]
         self.check_that_it_goes_on(out)
 
-    def test_ends_with_one_line_when_a_worker_is_killed(
-        self, out: Path, process: subprocess.Popen[str]
-    ) -> None:
-        self.wait_for_episodes(out, process)
-        os.kill(workers_of(process.pid)[0], signal.SIGKILL)
-        stdout, stderr = process.communicate(timeout=30)
-        assert process.returncode == 1
-        assert stdout == ""
-        last = stderr.splitlines()[-1]
-        assert last.startswith("Error: a worker died in block ")
-        assert "(SIGKILL)" in last
-        assert last.endswith("run the same command again to go on")
-        assert stderr.count("\n") == 2
-        self.check_that_it_goes_on(out)
-
     def test_shows_each_episode_on_a_terminal(self, out: Path) -> None:
         pid, terminal = pty.fork()
         if pid == 0:
@@ -552,12 +537,6 @@ class TestALongRun:
         assert "3/3" in text
         assert "ep/s, success " in text
         assert "3 episodes made" in text
-
-
-def workers_of(pid: int) -> list[int]:
-    """Return the worker processes of a running command."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return [int(c) for c in children if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
 
 
 def read_all(terminal: int) -> str:

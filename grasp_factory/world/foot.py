@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
+from grasp_factory.world.memory import file_in_memory
 from grasp_factory.world.urdf import with_packages
 
 
@@ -20,9 +20,7 @@ def foot_of(path: Path) -> Path:
             root.remove(element)
     for mesh in root.iter("mesh"):
         mesh.attrib["filename"] = _absolute(mesh.attrib["filename"], path.parent)
-    file = os.memfd_create(f"foot of {path.name}")
-    os.write(file, ElementTree.tostring(root))
-    return Path(f"/proc/self/fd/{file}")
+    return Path(file_in_memory(f"foot of {path.name}", ElementTree.tostring(root)))
 
 
 def _absolute(mesh: str, folder: Path) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from functools import cache
 
 import cv2
 
 from grasp_factory.textures import texture_image
 from grasp_factory.world.engine import p
+from grasp_factory.world.memory import file_in_memory
 
 NO_TEXTURE = -1
 
@@ -40,12 +40,7 @@ class Textures:
 
 @cache
 def _file_of(texture: str) -> str:
-    """Return a PNG file in memory, which stays open as long as the process.
-
-    The loader caches images by their file's name, so no other may ever come under this one.
-    """
+    """Return a PNG file in memory."""
     ok, data = cv2.imencode(".png", texture_image(texture)[..., ::-1])
     assert ok
-    file = os.memfd_create(texture.replace("/", "_"))
-    os.write(file, data.tobytes())
-    return f"/proc/self/fd/{file}"
+    return file_in_memory(texture.replace("/", "_"), data.tobytes())

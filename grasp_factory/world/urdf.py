@@ -9,17 +9,14 @@ from xml.etree import ElementTree
 
 from grasp_factory.errors import RecipeError
 from grasp_factory.world.engine import DATA
+from grasp_factory.world.memory import file_in_memory
 
 _PACKAGES = {"pybullet_data": DATA, "grasp_factory": Path(__file__).parents[1]}
 
 
 @cache
 def with_packages(path: Path) -> str:
-    """Return a file for the loader, which finds meshes by absolute path only.
-
-    The file lives in memory as long as the process: a killed worker leaves nothing behind, and
-    no other content can come under its name, for the loader caches files by name.
-    """
+    """Return a file for the loader, which finds meshes by absolute path only."""
     text = path.read_text(encoding="utf-8")
     found = text
     for package, place in _PACKAGES.items():
@@ -27,9 +24,7 @@ def with_packages(path: Path) -> str:
             found = found.replace(f"package://{package}/", f"{_plain_name(place)}/")
     if found == text:
         return str(path)
-    file = os.memfd_create(path.name)
-    os.write(file, _without_frames(found))
-    return f"/proc/self/fd/{file}"
+    return file_in_memory(path.name, _without_frames(found))
 
 
 def _without_frames(text: str) -> bytes:

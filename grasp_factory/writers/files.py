@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from grasp_factory.errors import DISK_TROUBLE, StoreError, StoreMismatchError
+from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.trouble import MACHINE_TROUBLE
 from grasp_factory.writers.aside import aside
 
 _WAITING = 16
 """Files that are waited for at once; on a local disk a block's 140 take a fifth of the time."""
-
-_REFUSED = {errno.EACCES, errno.EPERM}
 
 
 def locate(path: Path) -> Path:
@@ -69,7 +67,7 @@ def fsync_tree(root: Path) -> None:
 
 def cannot_write(path: Path, error: OSError) -> StoreError | StoreMismatchError:
     """Return the error to raise when a store, or its lock, cannot be made at ``path``."""
-    if error.errno in _REFUSED | DISK_TROUBLE:
+    if error.errno in MACHINE_TROUBLE:
         return StoreError(f"{path} cannot be written: {error.strerror}")
     parent = path.resolve().parent
     why = error.strerror if parent.is_dir() else f"there is no directory {parent}"

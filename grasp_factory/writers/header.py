@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from grasp_factory import __version__
 from grasp_factory.config import FactoryConfig
-from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError
+from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.schema import FORMAT, FORMAT_VERSION
 from grasp_factory.writers.aside import AsideStore
 from grasp_factory.writers.files import locate
@@ -112,7 +112,7 @@ def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, Factor
         config = FactoryConfig.from_plain(attributes["config"])
         store = AsideStore(path, read_only=mode == "r")
         return zarr.open_group(store, mode=mode, zarr_format=3), config
-    except (ConfigError, KeyError, TypeError, ValueError, OSError) as error:
+    except Exception as error:  # Zarr raises whatever it likes at damaged metadata
         raise StoreError(f"{path} is damaged: {first_line(error)}") from None
 
 
@@ -124,7 +124,7 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     """
     try:
         array = root[path]
-    except (KeyError, TypeError, ValueError, OSError) as error:
+    except Exception as error:  # Zarr raises whatever it likes at damaged metadata
         raise StoreError(f"{_where(root)} is damaged: array {path}: {first_line(error)}") from None
     if not isinstance(array, zarr.Array):
         raise StoreError(f"{_where(root)} is damaged: {path} is no array")

@@ -84,6 +84,8 @@ class LockFile:
         if self._descriptor is None:
             return
         if self.upgrade() and self._is_at_its_place(self._descriptor):
+            with contextlib.suppress(OSError):  # so that what stays tells of nobody
+                os.ftruncate(self._descriptor, 0)
             with contextlib.suppress(OSError):  # permission lost: the file stays, the lock goes
                 self.file.unlink()
         os.close(self._descriptor)
