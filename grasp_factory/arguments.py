@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import click
 
 from grasp_factory.errors import ConfigError, UsageError, lookup, shown
+from grasp_factory.records import to_plain
 from grasp_factory.request import parse_size
 
 STORE = click.argument("path", type=click.Path(path_type=Path))
@@ -59,3 +62,8 @@ def indices(text: str) -> list[int]:
     if not re.fullmatch(r"[0-9]{1,9}(,[0-9]{1,9})*", text):
         raise UsageError(f"--episodes {shown(text)}: expected indices with commas, such as 0,3,7")
     return [int(word) for word in text.split(",")]
+
+
+def print_json(record: Any) -> None:
+    """Print a record for scripts."""
+    click.echo(json.dumps(to_plain(record), indent=2))

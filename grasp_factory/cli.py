@@ -7,7 +7,6 @@ What is slow to import is imported by the command that needs it, so that ``--hel
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping
 from importlib import import_module
@@ -17,16 +16,23 @@ from typing import Any, NoReturn
 import click
 
 from grasp_factory import __version__
-from grasp_factory.arguments import AS_JSON, STORE, Commands, indices
+from grasp_factory.arguments import AS_JSON, STORE, Commands, indices, print_json
 from grasp_factory.cli_merge import merge, split
+from grasp_factory.cli_store import repair, verify
 from grasp_factory.config import FactoryConfig
-from grasp_factory.errors import FailuresError, Terminated
+from grasp_factory.errors import (
+    EXIT_DONE,
+    EXIT_FAILURE,
+    EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
+    FailuresError,
+    Terminated,
+)
 from grasp_factory.options import dataset_options, request_from, run_options
 from grasp_factory.records import to_plain
 from grasp_factory.request import Request
 
 DEFAULTS = Request(config=FactoryConfig())
-EXIT_DONE, EXIT_FAILURE, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
 
 
 @click.group(
@@ -71,7 +77,7 @@ def generate(
 
         found = forecast(request)
         if as_json:
-            _print_json(to_plain(found) | {"fits": found.fits})
+            print_json(to_plain(found) | {"fits": found.fits})
         else:
             click.echo(forecast_text(found))
         return
@@ -82,7 +88,7 @@ def generate(
     except KeyboardInterrupt as why:
         _stopped(request, why)
     if as_json:
-        _print_json(summary)
+        print_json(summary)
     elif not quiet:
         from grasp_factory.report import summary_text
 
@@ -107,7 +113,7 @@ def info(path: Path, as_json: bool) -> None:
     store, arrays = summarise(dataset), array_facts(dataset)
     if as_json:
         more = {"attributes": dict(dataset.attributes), "arrays": arrays}
-        _print_json(to_plain(store) | more)
+        print_json(to_plain(store) | more)
         return
     click.echo(report.store_text(store, ("policy", "outcome", "object set", "split")))
     click.echo("\n" + report.arrays_text(arrays))
@@ -130,7 +136,7 @@ def replay(ctx: click.Context, path: Path, index: int, as_json: bool) -> None:
 
     result = run(path, index)
     if as_json:
-        _print_json(result)
+        print_json(result)
     else:
         click.echo(replay_text(result))
     ctx.exit(EXIT_DONE if result.same else EXIT_FAILURE)
@@ -160,7 +166,7 @@ def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) ->
     settings = to_plain(Dataset.open(path).config.label) | given
     result = run(path, name, from_plain(LabelConfig, settings))
     if as_json:
-        _print_json(result)
+        print_json(result)
     else:
         click.echo(relabel_text(result))
 
@@ -224,7 +230,7 @@ def check_physics(short: bool, as_json: bool) -> None:
 
     figures = list(run(SHORT if short else FULL, lambda part: click.echo(f"{part} ...", err=True)))
     if as_json:
-        _print_json([to_plain(f) | {"passes": f.passes, "bound": f.bound} for f in figures])
+        print_json([to_plain(f) | {"passes": f.passes, "bound": f.bound} for f in figures])
     else:
         click.echo(figures_text(figures))
     sys.exit(EXIT_DONE if all(f.passes for f in figures) else EXIT_FAILURE)
@@ -251,7 +257,7 @@ def objects(ctx: click.Context, folder: Path | None, robot: str, as_json: bool) 
 
     report = import_for(folder, robot)
     if as_json:
-        _print_json(report)
+        print_json(report)
     else:
         click.echo(report_text(report))
     ctx.exit(EXIT_DONE if report.usable else EXIT_FAILURE)
@@ -271,7 +277,7 @@ _add_listing("robots", "List the robots.")
 _add_listing("policies", "List the policies, which choose grasps from images.")
 _add_listing("cameras", "List the cameras that have names.")
 
-for _command in (merge, split):
+for _command in (merge, repair, split, verify):
     cli.add_command(_command)
 
 
@@ -279,7 +285,7 @@ def _print_listing(rows: Mapping[str, str], as_json: bool) -> None:
     from grasp_factory.report import table
 
     if as_json:
-        _print_json(rows)
+        print_json(rows)
     else:
         click.echo(table(rows.items()))
 
@@ -289,7 +295,3 @@ def _stopped(request: Request, why: KeyboardInterrupt) -> NoReturn:
 
     click.echo(stopped_text(request.out), err=True)
     sys.exit(EXIT_TERMINATED if isinstance(why, Terminated) else EXIT_INTERRUPTED)
-
-
-def _print_json(record: Any) -> None:
-    click.echo(json.dumps(to_plain(record), indent=2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,11 @@ import zarr
 from numpy.typing import NDArray
 
 from grasp_factory import schema
+from grasp_factory.checked import CheckedColumns, checked_arrays, checked_label
 from grasp_factory.conditions import matching
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode, EpisodeSpec, checksum
-from grasp_factory.errors import StoreError, lookup, shown
+from grasp_factory.errors import StoreError, lookup
 from grasp_factory.noise import EpisodeNoise, SensorNoise, named_noise
 from grasp_factory.readings import Readings
 from grasp_factory.records import is_integer
@@ -41,20 +43,28 @@ class Dataset:
         attributes: Mapping[str, Any],
         arrays: Mapping[str, StoredArray],
         noise: EpisodeNoise,
+        *,
+        checked: bool = False,
     ) -> None:
         """Use ``Dataset.open``."""
         self.path = path
         self.config = config
         self.attributes = attributes
         self._arrays = arrays
-        self._noise = noise
+        self._noise, self._is_checked = noise, checked
         self._fields = {row.path: row for row in schema.expand(config) if row.path in arrays}
-        self._columns = Columns(path, config, arrays)
-        self._readings = Readings(config, arrays, self._fields, noise, self.spec)
+        columns = Columns(path, config, arrays)
+        self._columns = CheckedColumns(columns, arrays) if checked else columns
+        self._readings = Readings(path, config, arrays, self._fields, noise)
 
     @classmethod
     def open(
-        cls, path: Path | str, noise: str | SensorNoise | None = None, noise_seed: int = 0
+        cls,
+        path: Path | str,
+        noise: str | SensorNoise | None = None,
+        noise_seed: int = 0,
+        *,
+        checked: bool = False,
     ) -> Dataset:
         """Open the store at ``path``.
 
@@ -63,6 +73,8 @@ class Dataset:
             noise: what sensors add to episodes, images and series when they are read, or its name
                 in ``noise.NOISE``; columns stay clean, and so does the store.
             noise_seed: the same seed gives the same noise.
+            checked: compare whatever is read of committed rows with its checksum first; what does
+                not match is a StoreError that names episode and array.
 
         Raises:
             StoreMismatchError: if there is no store, or one of a newer version.
@@ -72,12 +84,16 @@ class Dataset:
         path, shown_as = Path(path), EpisodeNoise(named_noise(noise), noise_seed)
         root, config = open_store(path, mode="r")
         needed = {f"episodes/{name}" for name in NEEDED}
-        arrays = open_arrays(root, path, [row.path for row in schema.expand(config)], needed)
-        return cls(path, config, root.attrs.asdict(), arrays, shown_as)
+        fields = {row.path: row for row in schema.expand(config)}
+        arrays = open_arrays(root, path, fields, needed)
+        if checked:
+            arrays = checked_arrays(path, arrays, fields)
+        return cls(path, config, root.attrs.asdict(), arrays, shown_as, checked=checked)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to another process as the path and the noise, to be opened there."""
-        return Dataset.open, (self.path, self._noise.noise, self._noise.seed)
+        """Travel to another process as what it was opened with, to be opened there."""
+        again = partial(Dataset.open, checked=self._is_checked)
+        return again, (self.path, self._noise.noise, self._noise.seed)
 
     def __repr__(self) -> str:
         return f"Dataset({str(self.path)!r}, {len(self)} episodes)"
@@ -139,7 +155,7 @@ class Dataset:
             TypeError: for anything but an integer.
             StoreError: if the row is missing, quarantined or damaged.
         """
-        i = self._committed_row(index)
+        i = self._readings.committed_row(index)
         return self._episode(i, read_rows(self._read, self._fields, i, i + 1)[0])
 
     def __iter__(self) -> Iterator[Episode]:
@@ -164,12 +180,7 @@ class Dataset:
             IndexError: naming the valid range.
             StoreError: if the row is missing or damaged.
         """
-        i, _ = self._present_row(index)
-        text = str(self._read("episodes/spec", i, i + 1)[0])
-        try:
-            return EpisodeSpec.from_json(text)
-        except (ValueError, RecursionError) as error:  # ConfigError is a ValueError
-            raise StoreError(f"{self.path}: episode {i} is damaged: {error}") from None
+        return self._readings.spec(self._readings.present_row(index)[0])
 
     def value(self, index: int, column: str) -> Any:
         """Return one column's value of one episode, reading no other.
@@ -183,7 +194,7 @@ class Dataset:
             StoreError: if the row is missing, quarantined or damaged.
         """
         self._check_column(column)
-        i = self._committed_row(index)
+        i = self._readings.committed_row(index)
         return self._read(f"episodes/{column}", i, i + 1)[0]
 
     def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
@@ -218,7 +229,7 @@ class Dataset:
         self._readings.image_path(camera, kind)  # a wrong name is told before a wrong index
         if not is_integer(frame) or frame not in (0, 1):
             raise IndexError(f"frame {frame}: valid: 0 (before) and 1 (after)")
-        rows = [self._committed_row(index) for index in indices]
+        rows = [self._readings.committed_row(index) for index in indices]
         return self._readings.images(rows, camera, kind, frame)
 
     def series(self, index: int, *names: str) -> dict[str, NDArray[Any]]:
@@ -227,7 +238,7 @@ class Dataset:
         Raises:
             UnknownNameError: listing the streams.
         """
-        return self._readings.series(self._committed_row(index), names)
+        return self._readings.series(self._readings.committed_row(index), names)
 
     @property
     def labels(self) -> list[str]:
@@ -241,7 +252,8 @@ class Dataset:
             UnknownNameError: listing the labels.
         """
         lookup(dict.fromkeys(self.labels), "label", name)
-        return read_array(added_columns(self.path)[f"labels/{name}/outcome"])
+        outcome = read_array(added_columns(self.path)[f"labels/{name}/outcome"])
+        return checked_label(self.path, name, outcome) if self._is_checked else outcome
 
     def arrays(self) -> dict[str, zarr.Array[Any]]:
         """Return every array of the store by its path, added labels included."""
@@ -255,34 +267,13 @@ class Dataset:
             IndexError: naming the valid range.
             StoreError: if the row is missing or quarantined.
         """
-        i = self._committed_row(index)
+        i = self._readings.committed_row(index)
         try:
             row = read_rows(self._read, self._fields, i, i + 1)[0]
         except StoreError:
             return False
         contents = {p: v for p, v in row.items() if p not in schema.NOT_IN_AN_EPISODE}
         return checksum(contents) == str(row[schema.CHECKSUM.path])
-
-    def _present_row(self, index: int) -> tuple[int, int]:
-        if not is_integer(index):
-            what = f"episode index: got {shown(index)}, valid: one integer, as in ds[3]"
-            raise TypeError(f"{what}; for several: where() and iter_blocks()")
-        size = len(self)
-        if not -size <= index < size:
-            valid = f"valid: {-size} to {size - 1}" if size else "the store has no episodes"
-            raise IndexError(f"episode {index}: {valid}")
-        i = int(index) % size
-        status = int(self._read(schema.STATUS.path, i, i + 1)[0])
-        if status == 0:
-            raise StoreError(f"{self.path}: episode {i} is missing")
-        return i, status
-
-    def _committed_row(self, index: int) -> int:
-        i, status = self._present_row(index)
-        if status == 2:
-            reason = self._read("episodes/error", i, i + 1)[0]
-            raise StoreError(f"{self.path}: episode {i} is quarantined: {reason}")
-        return i
 
     def _check_column(self, name: str) -> None:
         lookup(dict.fromkeys(self._columns.names), "column", name)

@@ -86,6 +86,13 @@ def fixed(value: Any) -> NDArray[Any]:
     return np.array(array.tolist(), np.str_) if array.dtype.kind == "T" else array
 
 
+def is_fill(values: NDArray[Any], fill: Any) -> bool:
+    """Say whether values are an array's fill value, bit for bit: NaN has many forms."""
+    if values.dtype.kind == "U":
+        return bool((values == fill).all())
+    return values.tobytes() == np.asarray(fill, values.dtype).tobytes() * values.size
+
+
 def _plain(value: NDArray[Any]) -> Any:
     """Return a single value as a Python one; ``Episode.contents`` turns it back exactly."""
     return value.item() if value.ndim == 0 else value

@@ -1,0 +1,175 @@
+"""Reading with checks: what is read of a committed row is first compared with its digest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory import schema
+from grasp_factory.episode import checksum
+from grasp_factory.errors import StoreError
+from grasp_factory.rows import fixed, is_fill
+from grasp_factory.schema import Field
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.digests import digest
+from grasp_factory.writers.layout import block_files
+from grasp_factory.writers.seals import VALUES_SEAL, is_sealed, values_digest
+from grasp_factory.writers.stored import StoredArray
+
+MISSING, COMMITTED, QUARANTINED = range(3)
+"""Values of the column ``status``."""
+_MEND = "run grasp-factory verify on the store, and repair"
+_OF_QUARANTINED = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
+_WITHOUT = (schema.CHECKSUM.path, schema.DIGESTS.path)
+"""What others are compared with."""
+
+
+def checked_arrays(
+    path: Path, arrays: Mapping[str, StoredArray], fields: Mapping[str, Field]
+) -> dict[str, StoredArray]:
+    """Return the arrays of the store at ``path`` such that they check what is read from them.
+
+    Raises:
+        StoreError: if the store has no digests, or its metadata is not as it was sealed.
+    """
+    if schema.DIGESTS.path not in arrays:
+        raise StoreError(f"{path} has no checksums of single arrays: open it without checked=True")
+    for name in ("", *arrays):
+        if not is_sealed(path / name / "zarr.json"):
+            raise StoreError(f"{path} is damaged: zarr.json of {name or 'the root'}; {_MEND}")
+    return {
+        name: array if name in _WITHOUT else CheckedArray(path, name, arrays, fields)
+        for name, array in arrays.items()
+    }
+
+
+def checked_label(path: Path, name: str, outcome: NDArray[Any]) -> NDArray[Any]:
+    """Return an added label's outcomes, (N,), if they are those that were written.
+
+    Raises:
+        StoreError: if they are not.
+    """
+    file = path / "labels" / name / "outcome" / "zarr.json"
+    known = json.loads(file.read_bytes())["attributes"] if is_sealed(file) else {}
+    if known.get(VALUES_SEAL) != values_digest(outcome):
+        raise StoreError(f"{path}: labels/{name} does not match its checksum; {_MEND}")
+    return outcome
+
+
+class CheckedArray(StoredArray):
+    """An array of which committed rows are compared with their digests as they are read.
+
+    ``status`` has no digest: it must agree with the checksum that a row has or lacks. Recipe and
+    reason of a quarantine are compared with the row's checksum; else a row without an episode
+    holds nothing.
+    """
+
+    def __init__(
+        self,
+        store: Path,
+        path: str,
+        arrays: Mapping[str, StoredArray],
+        fields: Mapping[str, Field],
+    ) -> None:
+        """Use the array at ``path`` of a store's arrays."""
+        super().__init__(arrays[path].zarr)
+        self._store, self._path = store, path
+        self._array, self._arrays, self._field = arrays[path], arrays, fields[path]
+        attributes: dict[str, Any] = arrays[schema.DIGESTS.path].zarr.attrs.asdict()
+        digested = attributes.get("arrays", [])
+        self._place = digested.index(path) if path in digested else None
+
+    def read(self, start: int, stop: int) -> NDArray[Any]:
+        """See ``StoredArray.read``; raises also where a row does not match its digest."""
+        values = self._array.read(start, stop)
+        if stop > start:
+            self._check(values, start, stop)
+        return values
+
+    def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
+        """See ``StoredArray.read_frames``; a digest is over all frames, so all are read."""
+        out = np.empty((len(rows), *self.zarr.shape[2:]), self.zarr.dtype)
+        for k, row in enumerate(rows):
+            out[k] = self.read(row, row + 1)[0, frame]
+        return out
+
+    def _check(self, values: NDArray[Any], start: int, stop: int) -> None:
+        status = self._arrays[schema.STATUS.path].read(start, stop)
+        if self._place is None:
+            checksums = self._arrays[schema.CHECKSUM.path].read(start, stop)
+            for k in range(stop - start):
+                if not self._agrees(start + k, int(status[k]), str(checksums[k])):
+                    self._refuse(start + k)
+            return
+        stored = self._arrays[schema.DIGESTS.path].read(start, stop)[:, self._place]
+        ends = None
+        if self._field.length_column:
+            ends = self._arrays[self._field.length_column].read(start, stop)
+        for k in range(stop - start):
+            if status[k] != COMMITTED:
+                is_true = self._is_beside(start + k, values[k])
+            else:
+                end = None if ends is None else max(int(ends[k]), 0)
+                is_true = digest(fixed(values[k] if ends is None else values[k][:end])) == stored[k]
+            if not is_true:
+                self._refuse(start + k)
+
+    def _is_beside(self, row: int, value: Any) -> bool:
+        """Say whether a row without an episode holds nothing, or the recipe of its quarantine."""
+        if self._path in _OF_QUARANTINED:
+            status = int(self._arrays[schema.STATUS.path].read(row, row + 1)[0])
+            if status == QUARANTINED:
+                stored = str(self._arrays[schema.CHECKSUM.path].read(row, row + 1)[0])
+                return stored == self._quarantined(row)
+        return is_fill(fixed(value), self._field.fill)
+
+    def _agrees(self, row: int, status: int, stored: str) -> bool:
+        """Say whether what is known of a row without its contents fits its status."""
+        if status == COMMITTED:
+            return bool(stored) and not str(self._arrays[schema.ERROR.path].read(row, row + 1)[0])
+        if status == QUARANTINED:
+            return stored == self._quarantined(row)
+        # A block that was not finished has checksums already, and no marker.
+        return status == MISSING and (not stored or not self._marker(row).exists())
+
+    def _quarantined(self, row: int) -> str:
+        """Return the checksum that the row has if it is quarantined."""
+        of = {path: self._arrays[path].read(row, row + 1)[0] for path in _OF_QUARANTINED}
+        return checksum({path: fixed(value) for path, value in of.items()})
+
+    def _marker(self, row: int) -> Path:
+        block = row // self._arrays[schema.STATUS.path].zarr.chunks[0]
+        return block_files(self._store, schema.STATUS, block, range(0))[0]
+
+    def _refuse(self, row: int) -> None:
+        what = f"episode {row} is damaged: {self._path} does not match its checksum"
+        raise StoreError(f"{self._store}: {what}; {_MEND}")
+
+
+class CheckedColumns:
+    """Whole columns from the blocks' own files: packed segments have no digests of rows."""
+
+    def __init__(self, columns: Columns, arrays: Mapping[str, StoredArray]) -> None:
+        """Use the columns of checked arrays, by their path."""
+        self._columns, self._arrays = columns, arrays
+        self.names, self.length = columns.names, columns.length
+
+    def read(self, *names: str) -> dict[str, NDArray[Any]]:
+        """Return whole columns by name, each (N, ...); see ``Columns.read``.
+
+        Raises:
+            StoreError: if one is damaged.
+        """
+        out = {name: self._filled(self._arrays[f"episodes/{name}"].zarr) for name in names}
+        for start, stop in map(self._columns.rows, np.flatnonzero(self._columns.blocks()).tolist()):
+            for name in names:
+                out[name][start:stop] = self._columns.read_rows(name, start, stop)
+        return out
+
+    def _filled(self, whole: Any) -> NDArray[Any]:
+        return np.full((self.length, *whole.shape[1:]), whole.fill_value, whole.dtype)

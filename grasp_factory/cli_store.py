@@ -1,0 +1,95 @@
+"""The commands about a store that is there: is it whole, and making it whole again."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import click
+
+from grasp_factory.arguments import AS_JSON, STORE, print_json
+from grasp_factory.records import to_plain
+
+WORKERS = click.option(
+    "--workers", type=int, default=2, show_default=True, help="Processes; 1 works without a pool."
+)
+
+
+@click.command()
+@STORE
+@click.option("--deep", type=int, default=0, metavar="N", help="Simulate N episodes again as well.")
+@click.option(
+    "--deep-seed", type=int, help="What they are drawn from.  [default: another each time]"
+)
+@WORKERS
+@AS_JSON
+@click.pass_context
+def verify(
+    ctx: click.Context,
+    path: Path,
+    *,
+    deep: int,
+    deep_seed: int | None,
+    workers: int,
+    as_json: bool,
+) -> None:
+    """Check that the store at PATH is what was written.
+
+    Looks at its structure, at the checksums of every episode and at what must hold for every
+    array. Changes nothing. Exits with 0 if all is well, and with 1 after naming every problem.
+    """
+    from grasp_factory.report import verify_text
+    from grasp_factory.verifying import verify as run
+
+    with _counted() as hooks:
+        report = run(path, deep, workers, deep_seed=deep_seed, **hooks)
+    if as_json:
+        print_json(to_plain(report) | {"is_whole": report.is_whole})
+    else:
+        click.echo(verify_text(report))
+    ctx.exit(0 if report.is_whole else 1)
+
+
+@click.command()
+@STORE
+@WORKERS
+@AS_JSON
+@click.pass_context
+def repair(ctx: click.Context, path: Path, workers: int, as_json: bool) -> None:
+    """Make again what is damaged or missing in a store.
+
+    Whatever `verify` finds in the store at PATH is made again from its config and recipes;
+    episodes that are whole stay as they are. Exits with 0 if the store is whole afterwards.
+    """
+    from grasp_factory.report import repair_text
+    from grasp_factory.verifying import repair as run
+
+    with _counted() as hooks:
+        result = run(path, workers, **hooks)
+    if as_json:
+        more = {"is_whole": result.is_whole}
+        remade = [to_plain(made) | {"is_same": made.is_same} for made in result.remade]
+        print_json(to_plain(result) | {"remade": remade} | more)
+    else:
+        click.echo(repair_text(result))
+    ctx.exit(0 if result.is_whole else 1)
+
+
+@contextlib.contextmanager
+def _counted() -> Iterator[dict[str, Callable[[int], None]]]:
+    """Give what shows a bar over rows, where stderr is a terminal."""
+    from grasp_factory.progress import Counter
+
+    with contextlib.ExitStack() as stack:
+        counters: list[Counter] = []
+
+        def start(rows: int) -> None:
+            counters.append(stack.enter_context(Counter(rows, "episode")))
+
+        def count(row: int) -> None:
+            counters[-1].count()
+
+        yield {"on_start": start, "on_episode": count}

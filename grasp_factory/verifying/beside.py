@@ -1,0 +1,218 @@
+"""What a store has beside its rows: users' objects, added labels, packed segments, other files."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator, Set
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory import schema
+from grasp_factory.errors import StoreError, shown
+from grasp_factory.outcome import Outcome
+from grasp_factory.verifying.documents import FILE, is_empty_group, read_document
+from grasp_factory.verifying.pieces import Pieces
+from grasp_factory.verifying.problems import Problem
+from grasp_factory.writers.added import LABEL_COLUMNS
+from grasp_factory.writers.aside import PARTIAL
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.header import open_array, open_store, read_array
+from grasp_factory.writers.objects import GROUP, read_objects
+from grasp_factory.writers.packed import BYTES, FOLDER, Segment, segments
+from grasp_factory.writers.packing import NOT_PACKED
+from grasp_factory.writers.seals import VALUES_SEAL, values_digest
+from grasp_factory.writers.sizes import bytes_of_blocks
+
+LABELS = "labels"
+CREATING = ".creating"
+"""Ends the name of the folder of a label that is being made."""
+_OWN_PARTIAL = re.compile(r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz)" + re.escape(PARTIAL))
+_NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")
+
+
+def object_problems(pieces: Pieces) -> Iterator[Problem]:
+    """Give a problem for each archive of users' objects that is not what was written."""
+    names = list(pieces.config.object_folders)
+    if names and (fault := read_document(pieces.path / GROUP / FILE)[1]):
+        yield _problem(GROUP, fault)
+    for name in names:
+        array = f"{GROUP}/{name}"
+        document, fault = read_document(pieces.path / array / FILE)
+        if not fault:
+            fault = _archive_fault(pieces.path, name, document)
+        if fault:
+            yield _problem(array, fault)
+
+
+def label_problems(pieces: Pieces) -> Iterator[Problem]:
+    """Give a problem for each added label that is not what was written."""
+    path = pieces.path
+    if not (path / LABELS).is_dir():
+        return
+    document, fault = read_document(path / LABELS / FILE)
+    if fault and not is_empty_group(document):
+        yield _problem(LABELS, fault)
+    for folder in sorted((path / LABELS).iterdir()):
+        if folder.is_dir() and not folder.name.startswith("."):
+            yield from label_faults(path, folder.name)
+
+
+def label_faults(path: Path, name: str) -> Iterator[Problem]:
+    """Give a problem for each part of an added label that is not what was written."""
+    values = {}
+    for part in ("", *LABEL_COLUMNS):
+        array = f"{LABELS}/{name}/{part}".rstrip("/")
+        document, fault = read_document(path / array / FILE)
+        if part and not fault:
+            try:
+                values[part] = read_array(open_array(open_store(path, mode="r")[0], array))
+            except StoreError as error:
+                fault = str(error)
+            else:
+                if values_digest(values[part]) != document["attributes"].get(VALUES_SEAL):
+                    fault = "does not match its checksum"
+        if fault:
+            yield _problem(array, fault)
+    if len(values) == len(LABEL_COLUMNS):
+        outcome, success = (values[column] for column in LABEL_COLUMNS)
+        if not np.array_equal(outcome == Outcome.SUCCESS, success):
+            yield _problem(f"{LABELS}/{name}", "success and outcome do not agree")
+
+
+def packed_problems(pieces: Pieces, broken: Set[int]) -> Iterator[Problem]:
+    """Give a problem for each packed segment that does not say what its blocks say.
+
+    Args:
+        pieces: The store.
+        broken: Blocks with a problem; a segment that has one of them is not compared.
+    """
+    path = pieces.path
+    if not (path / FOLDER).is_dir():
+        return
+    document, fault = read_document(path / FOLDER / FILE)
+    if not fault and document["shape"] != [0]:  # the seal leaves it out
+        fault = f"shape {shown(document['shape'])}, valid: [0]"
+    if fault:
+        yield _problem(FOLDER, fault)
+    if schema.STATUS.path not in pieces.arrays:
+        return
+    columns = Columns(path, pieces.config, pieces.arrays)
+    there = columns.blocks()
+    for segment in segments(path):
+        if segment.is_in(there) and broken.isdisjoint(segment.blocks):
+            if fault := _segment_fault(segment, columns):
+                yield _problem(f"{FOLDER}/{segment.file.name}", fault)
+
+
+def strangers(pieces: Pieces) -> Iterator[str]:
+    """Give a note for each folder with files that are not the store's; nothing reads them."""
+    own = {path: len(field.dims) for path, field in pieces.fields.items()}
+    parents = {str(parent) for path in own for parent in Path(path).parents}
+    for folder, folders, files in os.walk(pieces.path):
+        name = os.path.relpath(folder, pieces.path)
+        inside = [d for d in folders if str(Path(name, d)) in own or str(Path(name, d)) in parents]
+        if name == ".":
+            inside += [d for d in (LABELS, GROUP, FOLDER) if d in folders]
+        known = name in own or name in parents
+        if known:
+            strange = [d for d in folders if d not in inside]
+            strange += [f for f in files if not _is_own(f, name, pieces)]
+            folders[:] = [d for d in inside if d not in (LABELS, GROUP, FOLDER)]
+        else:
+            strange, folders[:] = [], []
+        if strange:
+            yield _note(name, strange)
+    yield from _leftovers(pieces.path)
+
+
+def leftovers(path: Path) -> list[Path]:
+    """Return what killed runs have left in the store at ``path``, which is safe to remove.
+
+    Those are files that were being written, and labels that were being made.
+    """
+    files = [Path(at, f) for at, _, names in os.walk(path) for f in names if f.endswith(PARTIAL)]
+    own = [file for file in files if _OWN_PARTIAL.fullmatch(file.name)]
+    return own + sorted((path / LABELS).glob(f".*{CREATING}"))
+
+
+def _leftovers(path: Path) -> Iterator[str]:
+    """Give a note for what killed runs have left beside the rows."""
+    for folder in (LABELS, FOLDER, GROUP):
+        if (path / folder).is_dir():
+            found = [file.name for file in (path / folder).iterdir() if _is_left(file.name)]
+            if found:
+                yield _note(folder, found)
+
+
+def _is_left(name: str) -> bool:
+    return name.startswith(".") or name.endswith(PARTIAL)
+
+
+def _is_own(file: str, folder: str, pieces: Pieces) -> bool:
+    if file == FILE:
+        return True
+    field, match = pieces.fields.get(folder), _NUMBER.fullmatch(file)
+    if field is None or match is None:
+        return False
+    most = pieces.rows if field.is_video else pieces.blocks
+    return int(match[1]) < most and match[2] == ".0" * len(field.dims)
+
+
+def _note(folder: str, names: list[str]) -> str:
+    where = "" if folder == "." else f"{folder}: "
+    left = [name for name in names if _is_left(name)]
+    what = "left by a run that was killed" if len(left) == len(names) else "not the store's"
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return f"{where}{', '.join(map(shown, sorted(names)[:3]))}{more}: {what}; nothing reads it"
+
+
+def _archive_fault(path: Path, name: str, document: Any) -> str:
+    try:
+        archive = read_objects(path, name) or b""
+    except StoreError as error:
+        return str(error)
+    same = values_digest(np.frombuffer(archive, np.uint8)) == document["attributes"][VALUES_SEAL]
+    return "" if same else "does not match its checksum"
+
+
+def _segment_fault(segment: Segment, columns: Columns) -> str:
+    names = [name for name in columns.names if name not in NOT_PACKED]
+    paths = [f"episodes/{name}" for name in names]
+    packed = segment.read([*paths, BYTES])
+    if packed is None:
+        return "is damaged"
+    rows = columns.rows(segment.blocks.start)[0], columns.rows(segment.blocks[-1])[1]
+    for name, path in zip(names, paths, strict=True):
+        try:
+            values = columns.read_rows(name, *rows)
+        except StoreError:
+            continue  # a problem of the block's own
+        if not _is_same(packed[path], values):
+            return f"its {name} is not that of the blocks"
+    if int(packed[BYTES]) != bytes_of_blocks(columns, segment.blocks):
+        return "counts other bytes than the blocks have"
+    return ""
+
+
+def _is_same(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    if (a.dtype, a.shape) != (b.dtype, b.shape):
+        return False
+    return a.tolist() == b.tolist() if a.dtype.kind == "T" else a.tobytes() == b.tobytes()
+
+
+def _problem(array: str, what: str) -> Problem:
+    return Problem(episode=None, array=array, what=what)
+
+
+def thresholds_of(path: Path, name: str) -> Any:
+    """Return the thresholds of an added label from whichever of its parts is intact, or None."""
+    for part in ("", *LABEL_COLUMNS):
+        document, fault = read_document(path / LABELS / name / part / FILE)
+        if not fault and "thresholds" in document["attributes"]:
+            return json.loads(json.dumps(document["attributes"]["thresholds"]))
+    return None

@@ -1,0 +1,135 @@
+"""Checking blocks: one at a time, here or in worker processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from grasp_factory import schema
+from grasp_factory.executors import Report
+from grasp_factory.rows import Row
+from grasp_factory.verifying.contents import (
+    OF_QUARANTINED,
+    behind_problems,
+    beside,
+    committed_problems,
+    is_complete,
+    is_whole,
+    padded,
+    padding_problems,
+    quarantined_problems,
+    read_block,
+    trimmed,
+)
+from grasp_factory.verifying.invariants import faults
+from grasp_factory.verifying.pieces import Pieces, open_pieces
+from grasp_factory.verifying.problems import GENERATE, Problem
+from grasp_factory.writers.layout import block_files
+
+MISSING, COMMITTED, QUARANTINED = range(3)
+"""Values of the column ``status``."""
+UNKNOWN = -1
+MAKER = "this version of grasp-factory wrote it so, or another program: make the episode again"
+"""Advice for what matches its checksum and cannot be true."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Findings:
+    """What was found in some blocks."""
+
+    committed: int = 0
+    quarantined: int = 0
+    missing: int = 0
+    problems: list[Problem] = field(default_factory=list)
+
+
+class BlockChecker:
+    """Checks ranges of blocks of a store; it reports the number of each row that it has checked.
+
+    It travels to a worker as the path. There, or here, it opens the store at its first block.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return BlockChecker, (self._path,)
+
+    def __call__(self, blocks: range, report: Report) -> Findings:
+        """Check some blocks."""
+        findings = Findings()
+        for block in blocks:
+            self._check(block, findings)
+            for row in self._pieces.rows_of(block):
+                report(row)
+        return findings
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return open_pieces(self._path)[0]
+
+    def _check(self, block: int, findings: Findings) -> None:
+        pieces, numbers = self._pieces, self._pieces.rows_of(block)
+        if not block_files(pieces.path, schema.STATUS, block, numbers)[0].exists():
+            # What is left of its other files is not content: the block was never finished.
+            findings.missing += len(numbers)
+            findings.problems.append(_missing(list(numbers)))
+            return
+        rows, unreadable = read_block(pieces, block)
+        findings.problems += unreadable
+        missing = []
+        for i, row in zip(numbers, rows, strict=True):
+            status = int(row.get(schema.STATUS.path, UNKNOWN))
+            findings.committed += status == COMMITTED
+            findings.quarantined += status == QUARANTINED
+            findings.missing += status == MISSING
+            findings.problems += row_problems(row, status, pieces, i)
+            missing += [i] if status == MISSING else []
+        if missing:
+            findings.problems.append(_missing(missing))
+        findings.problems += behind_problems(pieces, block)
+
+
+def row_problems(row: Row, status: int, pieces: Pieces, i: int) -> Iterator[Problem]:
+    """Give the problems of a row, but that it is missing."""
+    if status == COMMITTED:
+        yield from _committed_problems(row, pieces, i)
+    elif status == UNKNOWN:
+        return  # its status cannot be read, which is a problem already
+    elif is_whole(row, trimmed(row, pieces.fields), pieces):
+        what = f"{status}, though the row holds a whole episode"
+        yield Problem(episode=i, array=schema.STATUS.path, what=what)
+    elif status == QUARANTINED:
+        yield from quarantined_problems(row, pieces, i)
+        yield from padding_problems(row, beside(OF_QUARANTINED, pieces), pieces, i)
+    elif status == MISSING:
+        yield from padding_problems(row, beside((), pieces), pieces, i)
+    else:
+        what = f"{status}, which stands for nothing"
+        yield Problem(episode=i, array=schema.STATUS.path, what=what)
+
+
+def _committed_problems(row: Row, pieces: Pieces, i: int) -> Iterator[Problem]:
+    contents = trimmed(row, pieces.fields)
+    wrong = committed_problems(row, contents, pieces, i)
+    if wrong:
+        yield from wrong
+        return
+    yield from padding_problems(row, padded(row, pieces), pieces, i)
+    if not is_complete(contents, pieces):
+        return
+    try:
+        for array, what in faults(contents, pieces, i):
+            yield Problem(episode=i, array=array, what=what, advice=MAKER)
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        what = f"cannot be checked: {type(error).__name__}: {error}"
+        yield Problem(episode=i, array="episodes/spec", what=what, advice=MAKER)
+
+
+def _missing(rows: list[int]) -> Problem:
+    one = rows[0] == rows[-1]
+    what = "is missing" if one else f"is missing, as are others up to {rows[-1]}"
+    return Problem(episode=rows[0], array=schema.STATUS.path, what=what, advice=GENERATE)

@@ -1,0 +1,216 @@
+"""The rows of a block: can they be read, and do they match their checksums?"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory import schema
+from grasp_factory.episode import checksum
+from grasp_factory.errors import StoreError
+from grasp_factory.rows import Row, fixed, is_fill
+from grasp_factory.schema import Field
+from grasp_factory.verifying.pieces import Pieces
+from grasp_factory.verifying.problems import Problem
+from grasp_factory.writers.digests import digest
+from grasp_factory.writers.layout import block_files
+from grasp_factory.writers.stored import StoredArray
+
+OF_QUARANTINED = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
+"""Paths of what is kept of an episode that is quarantined."""
+_NOT_CHECKED = (schema.STATUS.path, schema.CHECKSUM.path)
+
+
+def read_block(pieces: Pieces, block: int) -> tuple[list[Row], list[Problem]]:
+    """Return the rows of a block, padding and all, and a problem for each that cannot be read.
+
+    What cannot be read is left out of its row.
+    """
+    rows = pieces.rows_of(block)
+    out: list[Row] = [{} for _ in rows]
+    problems = []
+    for path, array in pieces.arrays.items():
+        field = pieces.fields[path]
+        file = block_files(pieces.path, field, block, rows)[0]
+        if not field.is_video and not file.exists():  # also one of nothing but fill is written
+            what = f"file {file.name} is missing, which has rows {rows[0]} to {rows[-1]}"
+            problems.append(_problem(rows[0], path, what))
+            continue
+        for k, value in _values(array, rows, field):
+            if isinstance(value, StoreError):
+                problems.append(_problem(rows[k], path, _without_place(str(value))))
+            else:
+                out[k][path] = value
+    return out, problems
+
+
+def trimmed(row: Mapping[str, NDArray[Any]], fields: Mapping[str, Field]) -> Row:
+    """Return the contents of a committed row: without padding, status, checksum and digests.
+
+    A time series whose length is not known, or cannot be, is left out.
+    """
+    out = {}
+    for path, value in row.items():
+        length = fields[path].length_column
+        if path in schema.NOT_IN_AN_EPISODE:
+            continue
+        if not length:
+            out[path] = value
+        elif length in row and 0 <= row[length] <= len(value):
+            out[path] = value[: row[length]]
+    return out
+
+
+def committed_problems(row: Row, contents: Row, pieces: Pieces, i: int) -> list[Problem]:
+    """Return where the contents of a committed row do not match what they were written with.
+
+    Args:
+        row: As it was read.
+        contents: What ``trimmed`` makes of it.
+        pieces: The store.
+        i: The row's number.
+    """
+    stored, wrong = row.get(schema.CHECKSUM.path), _wrong_digests(row, contents, pieces)
+    if is_whole(row, contents, pieces):
+        what = "does not match the values, which match the checksum of the episode"
+        return [_problem(i, schema.DIGESTS.path, f"{what} ({path})") for path in wrong[:1]]
+    wrong = [path for path in wrong if pieces.fields[path].length_column not in wrong]
+    out = [_problem(i, path, "does not match its checksum") for path in wrong]
+    lengths = {field.length_column for field in pieces.fields.values()} - {""}
+    out += [
+        _problem(i, path, f"{int(row[path])} is no length of a time series")
+        for path in sorted(lengths & set(row))
+        if not _is_length(path, int(row[path]), pieces)
+    ]
+    if is_complete(contents, pieces) and stored is not None and not out:
+        is_certain = schema.DIGESTS.path in row
+        what = (
+            "does not match the values, which match their own" if is_certain else "does not match"
+        )
+        out.append(_problem(i, schema.CHECKSUM.path, what))
+    return out
+
+
+def quarantined_problems(row: Row, pieces: Pieces, i: int) -> list[Problem]:
+    """Return what is wrong with what is kept of a quarantined row."""
+    stored = row.get(schema.CHECKSUM.path)
+    if stored is None or not all(path in row for path in OF_QUARANTINED):
+        return []  # it could not be read, which is a problem already
+    if checksum({path: row[path] for path in OF_QUARANTINED}) != str(stored):
+        what = "does not match recipe and reason of the quarantine"
+        return [_problem(i, schema.CHECKSUM.path, what)]
+    if not pieces.is_collected and int(row["episodes/index"]) != i:
+        return [_problem(i, "episodes/index", f"{int(row['episodes/index'])}, another row's")]
+    return []
+
+
+def is_complete(contents: Row, pieces: Pieces) -> bool:
+    """Say whether all that an episode consists of could be read."""
+    return all(p in contents for p in pieces.fields if p not in schema.NOT_IN_AN_EPISODE)
+
+
+def is_whole(row: Row, contents: Row, pieces: Pieces) -> bool:
+    """Say whether an episode's contents could be read, and match the checksum of the row."""
+    stored = str(row.get(schema.CHECKSUM.path, ""))
+    return bool(stored) and is_complete(contents, pieces) and checksum(contents) == stored
+
+
+def padding_problems(
+    row: Mapping[str, NDArray[Any]], kept: Mapping[str, int], pieces: Pieces, i: int
+) -> list[Problem]:
+    """Return a problem if a row holds something where there should be nothing.
+
+    Args:
+        row: As it was read.
+        kept: By path, how many of a row's values are no padding; all of one that is left out.
+        pieces: The store.
+        i: The row's number.
+    """
+    filled = [
+        path
+        for path, value in row.items()
+        if path in kept
+        and not is_fill(np.atleast_1d(value)[kept[path] :], pieces.fields[path].fill)
+    ]
+    if not filled:
+        return []
+    others = f", and so do {len(filled) - 1} other arrays" if len(filled) > 1 else ""
+    return [_problem(i, filled[0], f"holds something where nothing was recorded{others}")]
+
+
+def behind_problems(pieces: Pieces, block: int) -> list[Problem]:
+    """Return a problem if the files of a last, short block hold something behind its last row."""
+    rows = pieces.rows_of(block)
+    stop = rows.start + pieces.config.block_size
+    for path, array in pieces.arrays.items():
+        field = pieces.fields[path]
+        if rows.stop == stop or field.is_video:
+            continue
+        with contextlib.suppress(StoreError):  # a problem of the rows already
+            values = np.array([fixed(value) for value in array.read(rows.stop, stop)])
+            if not is_fill(values, field.fill):
+                return [_problem(rows[-1], path, "holds something behind the last row")]
+    return []
+
+
+def padded(row: Row, pieces: Pieces) -> dict[str, int]:
+    """Return what of a committed row is no padding; see ``padding_problems``."""
+    out = {schema.ERROR.path: 0}
+    for path in row:
+        length = pieces.fields[path].length_column
+        if length in row:
+            out[path] = int(row[length])
+    return out
+
+
+def beside(paths: tuple[str, ...], pieces: Pieces) -> dict[str, int]:
+    """Return that a row has nothing but these paths; see ``padding_problems``."""
+    return {path: 0 for path in pieces.fields if path not in (*paths, *_NOT_CHECKED)}
+
+
+def _values(
+    array: StoredArray, rows: range, field: Field
+) -> Iterator[tuple[int, NDArray[Any] | StoreError]]:
+    """Give each row's place and value, or the error when it cannot be read."""
+    if not field.is_video:  # a block of videos would be too large to hold
+        try:
+            for k, value in enumerate(array.read(rows.start, rows.stop)):
+                yield k, fixed(value)
+            return
+        except StoreError:
+            pass  # some may be readable by themselves
+    for k, row in enumerate(rows):
+        try:
+            yield k, fixed(array.read(row, row + 1)[0])
+        except StoreError as error:
+            yield k, error
+
+
+def _wrong_digests(row: Row, contents: Row, pieces: Pieces) -> list[str]:
+    """Return the paths whose values do not match their digests, as far as there are any."""
+    if schema.DIGESTS.path not in row:
+        return []
+    digests = zip(pieces.digested, row[schema.DIGESTS.path].tolist(), strict=True)
+    return [p for p, stored in digests if p in contents and digest(contents[p]) != stored]
+
+
+def _is_length(path: str, length: int, pieces: Pieces) -> bool:
+    rooms = [
+        array.zarr.shape[1]
+        for name, array in pieces.arrays.items()
+        if pieces.fields[name].length_column == path
+    ]
+    return 0 <= length <= min(rooms, default=length)
+
+
+def _without_place(text: str) -> str:
+    """Return the end of an error's text, which begins with store, array and rows."""
+    return "cannot be read: " + text.partition("cannot be read: ")[2]
+
+
+def _problem(i: int, array: str, what: str) -> Problem:
+    return Problem(episode=i, array=array, what=what)

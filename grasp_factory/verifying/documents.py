@@ -1,0 +1,144 @@
+"""A store's ``zarr.json`` files: are they there, as they were sealed, and of one length?"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from grasp_factory import __version__, schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, shown
+from grasp_factory.records import is_integer
+from grasp_factory.verifying.problems import Problem
+from grasp_factory.writers import layout
+from grasp_factory.writers.header import first_line, read_attributes
+from grasp_factory.writers.seals import SEAL, is_intact
+
+FILE = "zarr.json"
+COPY_ROOT = (
+    "make an empty store with the same generate command elsewhere (stop it at once) and copy its"
+    " zarr.json here"
+)
+
+
+def read_document(file: Path) -> tuple[Any, str]:
+    """Return a ``zarr.json``, parsed, and what is wrong with it; None if it cannot be parsed."""
+    try:
+        document = json.loads(file.read_bytes())
+    except FileNotFoundError:
+        return None, f"{FILE} is missing"
+    except OSError as error:
+        return None, f"{FILE} cannot be read: {error.strerror}"
+    except (ValueError, RecursionError) as error:
+        return None, f"{FILE} is no JSON: {first_line(error)}"
+    return document, "" if is_intact(document) else f"{FILE} does not match its seal"
+
+
+def root_problem(path: Path) -> Problem | None:
+    """Return what is wrong with the root of the store at ``path``, if anything is.
+
+    Raises:
+        StoreMismatchError: if there is no store, or one of a newer or an older version.
+    """
+    document, fault = read_document(path / FILE)
+    first, _ = read_document(path / schema.STATUS.path / FILE)
+    try:
+        attributes = read_attributes(path)
+        FactoryConfig.from_plain(attributes["config"])
+    except StoreMismatchError:
+        if not fault or first is None:
+            raise
+    except (StoreError, ConfigError) as error:
+        fault = fault or first_line(error)
+    if fault and first is not None and not (_has_seal(document) or _has_seal(first)):
+        raise StoreMismatchError(
+            f"{path} was made by a version that sealed no metadata: verify it with that version"
+        )
+    return Problem(episode=None, array="", what=fault, advice=COPY_ROOT) if fault else None
+
+
+def has_config(path: Path) -> bool:
+    """Say whether a root that is damaged still has the very config that it was made with."""
+    document, _ = read_document(path / FILE)
+    try:
+        attributes = read_attributes(path)
+        FactoryConfig.from_plain(attributes["config"])
+    except (StoreError, StoreMismatchError, ConfigError):
+        return False
+    text = json.dumps(document["attributes"]["config"], sort_keys=True, separators=(",", ":"))
+    return bool(hashlib.sha256(text.encode()).hexdigest() == attributes["config_sha256"])
+
+
+def array_documents(path: Path, config: FactoryConfig) -> Iterator[tuple[str, Any, str]]:
+    """Give path, document and fault of every array that a store of this config has."""
+    listed, fault = read_document(path / schema.DIGESTS.path / FILE)
+    wanted = [row.path for row in schema.expand(config)]
+    if not fault:  # of an older version, which had fewer
+        known = {*listed["attributes"].get("arrays", wanted), *schema.NOT_IN_AN_EPISODE}
+        wanted = [name for name in wanted if name in known]
+    fields = {row.path: row for row in schema.expand(config)}
+    is_ours = read_attributes(path)["versions"].get("grasp_factory") == __version__
+    for name in wanted:
+        document, fault = read_document(path / name / FILE)
+        if not fault and is_ours and not _is_of(document, fields[name], config):
+            fault = f"{FILE} is that of another array"
+        yield name, document, fault
+
+
+def group_faults(path: Path, config: FactoryConfig) -> Iterator[tuple[str, str]]:
+    """Give path and fault of each group that is damaged."""
+    parents = {str(p) for row in schema.expand(config) for p in Path(row.path).parents}
+    for name in sorted(parents - {"."}):
+        _, fault = read_document(path / name / FILE)
+        if fault:
+            yield name, fault
+
+
+def most_rows(documents: Mapping[str, Any]) -> int:
+    """Return the number of rows that most arrays have, by their ``zarr.json``; 0 without any."""
+    counts = Counter(rows for rows in map(_rows, documents.values()) if rows is not None)
+    return counts.most_common(1)[0][0] if counts else 0
+
+
+def length_problems(documents: Mapping[str, Any]) -> list[Problem]:
+    """Return a problem for each array whose ``zarr.json`` has another number of rows than most."""
+    most = most_rows(documents)
+    return [
+        Problem(
+            episode=None,
+            array=name,
+            what=f"{shown(document['shape'][:1])} rows, the other arrays have {most}",
+        )
+        for name, document in documents.items()
+        if _rows(document) != most
+    ]
+
+
+def is_empty_group(document: Any) -> bool:
+    """Say whether this is the ``zarr.json`` of a group without attributes, as Zarr makes it."""
+    empty = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
+    return bool(document == empty)
+
+
+def _is_of(document: Any, row: schema.Field, config: FactoryConfig) -> bool:
+    """Say whether a sealed ``zarr.json`` has the attributes of a field's array."""
+    attributes = {key: value for key, value in document["attributes"].items() if key != SEAL}
+    return bool(
+        attributes == layout.attributes(row, config)
+        and document["dimension_names"] == layout.dimension_names(row)
+    )
+
+
+def _rows(document: Any) -> int | None:
+    """Return an array's number of rows, which the seal leaves out, so it may be anything."""
+    shape = document["shape"]
+    return shape[0] if shape and is_integer(shape[0]) and shape[0] >= 0 else None
+
+
+def _has_seal(document: Any) -> bool:
+    attributes = document.get("attributes") if isinstance(document, dict) else None
+    return isinstance(attributes, dict) and SEAL in attributes

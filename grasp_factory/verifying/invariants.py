@@ -1,0 +1,147 @@
+"""What holds for every episode, whatever was drawn: checked on contents that match their checksum.
+
+Each check gives (array, what is wrong) pairs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.camera import Intrinsics
+from grasp_factory.episode import EpisodeSpec
+from grasp_factory.errors import shown
+from grasp_factory.finite import non_finite
+from grasp_factory.quality import BEST, WORST
+from grasp_factory.rows import Row
+from grasp_factory.verifying.labelled import label_faults
+from grasp_factory.verifying.pieces import Pieces
+from grasp_factory.verifying.problems import Fault
+from grasp_factory.verifying.recorded import series_faults
+
+UNIT = 1e-5
+"""By how much a quaternion in single precision may fail to be unit, and a matrix to be a turn."""
+FAR = 1e-6
+"""Relative: the renderer's depth of what is at ``far`` is that but for rounding."""
+_NOT_NEGATIVE = (
+    *("object_displacement", "slip_distance", "slip_angle", "hold_duration", "shake_level"),
+    *("loss_time", "max_penetration", "contact_area", "table_penetration", "min_grip_force"),
+    "grasp_width",
+)
+
+
+def faults(contents: Row, pieces: Pieces, i: int) -> Iterator[Fault]:
+    """Give each array of an episode that holds what cannot be, and what that is.
+
+    Args:
+        contents: The episode's arrays by path, unpadded, all of them.
+        pieces: The store.
+        i: The episode's row.
+    """
+    try:
+        spec = EpisodeSpec.from_json(str(contents["episodes/spec"]))
+    except (ValueError, RecursionError) as error:
+        yield "episodes/spec", f"no recipe: {error}"
+        return
+    yield from _recipe_faults(contents, spec, pieces, i)
+    path = non_finite(contents, pieces.fields.values())
+    if path:
+        yield path, "holds infinity, or NaN where it has no meaning"
+        return  # what follows counts with these numbers
+    yield from _code_faults(contents, pieces)
+    yield from _range_faults(contents)
+    yield from _pose_faults(contents)
+    for camera in pieces.config.cameras:
+        yield from _camera_faults(contents, camera, spec, pieces)
+    yield from series_faults(contents, spec)
+    yield from label_faults(contents, spec)
+
+
+def _recipe_faults(contents: Row, spec: EpisodeSpec, pieces: Pieces, i: int) -> Iterator[Fault]:
+    """Compare the recipe with the columns that repeat it, and with its place in the store."""
+    target = spec.objects[0]
+    wanted: dict[str, Any] = {
+        "seed": spec.seed,
+        "index": spec.index,
+        "object_id": target.object_id,
+        "object_set": target.object_set,
+        "object_family": target.family,
+        "split": target.split,
+        "policy": spec.policy,
+        "object_mass": target.mass,
+        "object_ids": [recipe.object_id for recipe in spec.objects],
+    }
+    for name, value in wanted.items():
+        got = contents[f"episodes/{name}"].tolist()
+        if got != value:
+            yield f"episodes/{name}", f"{shown(got)}, its recipe has {shown(value)}"
+    if not pieces.is_collected:
+        if spec.index != i:
+            yield "episodes/index", f"{spec.index}, which is another row's"
+        if spec.seed != pieces.config.seed:
+            yield "episodes/seed", f"{spec.seed}, the store has seed {pieces.config.seed}"
+
+
+def _code_faults(contents: Row, pieces: Pieces) -> Iterator[Fault]:
+    """Look for values of coded arrays, masks among them, that no word stands for."""
+    for path, values in contents.items():
+        names = pieces.fields[path].names
+        if names and values.size and int(values.max()) >= len(names):
+            yield path, f"value {int(values.max())}, which stands for nothing"
+
+
+def _range_faults(contents: Row) -> Iterator[Fault]:
+    for name in _NOT_NEGATIVE:
+        value = contents[f"episodes/{name}"]
+        if (value < 0.0).any():
+            yield f"episodes/{name}", f"{shown(value.tolist())}, valid: at least 0"
+    mass = float(contents["episodes/object_mass"])
+    if mass <= 0.0:
+        yield "episodes/object_mass", f"{mass}, valid: above 0 kg"
+    quality = contents.get("episodes/quality")
+    if quality is not None and not WORST <= int(quality) <= BEST:
+        yield "episodes/quality", f"{int(quality)}, valid: {WORST} to {BEST}"
+
+
+def _pose_faults(contents: Row) -> Iterator[Fault]:
+    quats = {
+        "episodes/grasp_quat_xyzw": contents["episodes/grasp_quat_xyzw"],
+        "episodes/object_rest_pose": contents["episodes/object_rest_pose"][..., 3:],
+        "streams/tcp_pose": contents["streams/tcp_pose"][..., 3:],
+        "streams/object_pose": contents["streams/object_pose"][..., 3:],
+    }
+    for path, quat in quats.items():
+        off = np.abs(np.linalg.norm(quat.astype(np.float64), axis=-1) - 1.0)
+        if (off > UNIT).any():
+            yield path, f"a quaternion that is not unit, by {np.nanmax(off):.2g}"
+    grasp = [contents[f"episodes/grasp_{name}"] for name in ("position", "quat_xyzw", "width")]
+    is_nan = np.isnan(np.concatenate([value.ravel() for value in grasp]))
+    if is_nan.any() and not is_nan.all():
+        yield "episodes/grasp_position", "a grasp that is there in part"
+    for path, T in contents.items():
+        if path.rsplit("/", 1)[-1].startswith("T_") and not _is_rigid(T):
+            yield path, "no rigid transform"
+
+
+def _is_rigid(T: NDArray[Any]) -> bool:
+    R, last = T[..., :3, :3], T[..., 3, :]
+    is_turn = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0) < UNIT
+    return bool(is_turn and (np.linalg.det(R) > 0.0).all() and (last == [0.0, 0.0, 0.0, 1.0]).all())
+
+
+def _camera_faults(contents: Row, name: str, spec: EpisodeSpec, pieces: Pieces) -> Iterator[Fault]:
+    at, camera = f"cameras/{name}", spec.cameras[name]
+    depth, far = contents[f"{at}/depth"], camera.far * (1.0 + FAR)
+    if depth.min() <= 0.0 or depth.max() > far:
+        yield f"{at}/depth", f"{depth.min()} to {depth.max()} m, valid: above 0 to {camera.far}"
+    visible = contents[f"{at}/visibility"]
+    if visible.min() < 0.0 or visible.max() > 1.0:
+        yield f"{at}/visibility", f"{visible.min()} to {visible.max()}, valid: 0 to 1"
+    fov, renderer = math.radians(camera.fov_y_deg), pieces.config.renderer
+    K = Intrinsics.from_fov(*spec.resolution, fov, renderer).matrix()
+    if not np.allclose(contents[f"{at}/intrinsics"], K, rtol=1e-6, atol=1e-6):
+        yield f"{at}/intrinsics", f"not those of a field of view of {camera.fov_y_deg:g} degrees"

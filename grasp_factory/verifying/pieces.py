@@ -1,0 +1,100 @@
+"""A store opened piece by piece, so that what is damaged does not hide the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import StoreError
+from grasp_factory.schema import Field
+from grasp_factory.verifying.documents import array_documents, length_problems, most_rows
+from grasp_factory.verifying.problems import Problem
+from grasp_factory.writers.header import SOURCES, open_array, open_store
+from grasp_factory.writers.stored import StoredArray, stored
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pieces:
+    """What of a store can be read.
+
+    Attributes:
+        path: the store's.
+        config: what it was made from.
+        attributes: the root's.
+        rows: of every array.
+        fields: by path; those that the store has, damaged or not.
+        arrays: by path; those whose metadata is as it was written.
+    """
+
+    path: Path
+    config: FactoryConfig
+    attributes: Mapping[str, Any]
+    rows: int
+    fields: Mapping[str, Field]
+    arrays: Mapping[str, StoredArray]
+
+    @property
+    def is_collected(self) -> bool:
+        """Whether it was put together from others, so that rows have recipes of any index."""
+        return SOURCES in self.attributes
+
+    @property
+    def digested(self) -> tuple[str, ...]:
+        """Paths in the order of ``episodes/array_crc32c``; none where that is damaged."""
+        if schema.DIGESTS.path not in self.arrays:
+            return ()
+        attributes: dict[str, Any] = self.arrays[schema.DIGESTS.path].zarr.attrs.asdict()
+        return tuple(attributes["arrays"])
+
+    @property
+    def blocks(self) -> int:
+        """How many there are, of which the last may be short."""
+        return -(-self.rows // self.config.block_size)
+
+    def rows_of(self, block: int) -> range:
+        """Return the rows of a block."""
+        start = block * self.config.block_size
+        return range(start, min(start + self.config.block_size, self.rows))
+
+
+def open_pieces(path: Path) -> tuple[Pieces, list[Problem]]:
+    """Open what can be opened of the store at ``path``, whose root is whole.
+
+    Returns:
+        The pieces, and a problem for each array whose metadata is damaged.
+
+    Raises:
+        StoreError: if the store cannot be opened at all.
+    """
+    root, config = open_store(path, mode="r")
+    fields = {row.path: row for row in schema.expand(config)}
+    problems: list[Problem] = []
+    whole: dict[str, Any] = {}
+    known: dict[str, Field] = {}
+    for name, document, fault in array_documents(path, config):
+        known[name] = fields[name]
+        if fault:
+            problems.append(Problem(episode=None, array=name, what=fault))
+        else:
+            whole[name] = document
+    short = length_problems(whole)
+    problems += short
+    arrays = {}
+    for name in sorted(set(whole) - {problem.array for problem in short}):
+        try:
+            arrays[name] = stored(open_array(root, name), path / name)
+        except StoreError as error:
+            problems.append(Problem(episode=None, array=name, what=str(error)))
+    pieces = Pieces(
+        path=path,
+        config=config,
+        attributes=root.attrs.asdict(),
+        rows=most_rows(whole),
+        fields=known,
+        arrays=arrays,
+    )
+    return pieces, problems

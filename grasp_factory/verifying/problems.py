@@ -1,0 +1,55 @@
+"""What verifying finds: problems with their advice, notes, and the report that holds them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+REPAIR = "run grasp-factory repair"
+"""Advice for what can be made again."""
+GENERATE = "run its generate command again, or grasp-factory repair"
+"""Advice for rows that are missing."""
+Fault = tuple[str, str]
+"""Path of an array of an episode, and what is wrong with it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """Something that is not as it was written, or cannot be true."""
+
+    episode: int | None
+    """The row; None for what belongs to the whole store."""
+    array: str
+    """Path of the array or group in the store, or of a file; empty for the root."""
+    what: str
+    advice: str = REPAIR
+
+    def __str__(self) -> str:
+        where = "store" if self.episode is None else f"episode {self.episode}"
+        array = f", {self.array}" if self.array else ""
+        return f"{where}{array}: {self.what}; {self.advice}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What verifying found."""
+
+    path: str
+    episodes: int
+    """Rows of the store."""
+    committed: int
+    quarantined: int
+    missing: int
+    problems: tuple[Problem, ...]
+    notes: tuple[str, ...]
+    """What is harmless."""
+    changed: tuple[str, ...]
+    """Versions and platform facts that are not those the store was made with."""
+    simulated: tuple[int, ...] = ()
+    """Episodes that were simulated again."""
+    deep_seed: int | None = None
+    """What they were drawn from."""
+
+    @property
+    def is_whole(self) -> bool:
+        """True when there is no problem."""
+        return not self.problems

@@ -1,0 +1,92 @@
+"""What of a damaged row can be kept, and from which recipe it is made again."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from grasp_factory import schema
+from grasp_factory.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.errors import GraspFactoryError
+from grasp_factory.rows import Row, assemble
+from grasp_factory.sampling import sample_spec
+from grasp_factory.verifying.contents import OF_QUARANTINED, trimmed
+from grasp_factory.verifying.invariants import faults
+from grasp_factory.verifying.pieces import Pieces
+from grasp_factory.writers.base import Quarantined
+from grasp_factory.writers.digests import digest
+
+_RECIPE = ("episodes/spec", "episodes/seed", "episodes/index")
+
+
+def kept(row: Row, pieces: Pieces, i: int) -> Episode | Quarantined | None:
+    """Return a row of the store as it was written, whatever its status says; None if it is lost.
+
+    An episode is kept when all of it matches the row's checksum, or the digests of all its arrays.
+    """
+    return _episode(row, pieces, i) or _quarantined(row, pieces, i)
+
+
+def recipe(row: Row, pieces: Pieces, i: int) -> EpisodeSpec | None:
+    """Return the recipe of a row, None where nothing is left that tells it.
+
+    In a store that was generated the row's number tells it. In one that was put together the row
+    itself does: its recipe, or seed and index, of which what does not match its digest, or the
+    other, is not believed.
+    """
+    if not pieces.is_collected:
+        return sample_spec(pieces.config, i)
+    sound = _sound(row, pieces)
+    seed, index = (int(row.get(path, _NONE)) for path in _RECIPE[1:])
+    try:
+        spec = EpisodeSpec.from_json(str(row["episodes/spec"]))
+    except (KeyError, ValueError, RecursionError):
+        spec = None
+    if spec and ("episodes/spec" in sound or (spec.seed, spec.index) == (seed, index)):
+        return spec
+    if {"episodes/seed", "episodes/index"} <= sound and min(seed, index) >= 0:
+        return sample_spec(dataclasses.replace(pieces.config, seed=seed), index)
+    return None
+
+
+_NONE = -1
+
+
+def _episode(row: Row, pieces: Pieces, i: int) -> Episode | None:
+    contents = trimmed(row, pieces.fields)
+    paths = [path for path in pieces.fields if path not in schema.NOT_IN_AN_EPISODE]
+    if not all(path in contents for path in paths):
+        return None
+    same = checksum(contents) == str(row.get(schema.CHECKSUM.path, ""))
+    if not same and not _sound(row, pieces) >= set(paths):
+        return None
+    if next(faults(contents, pieces, i), None):
+        return None
+    try:
+        return assemble(contents, pieces.config.cameras)
+    except (KeyError, TypeError, ValueError, RecursionError):
+        return None
+
+
+def _quarantined(row: Row, pieces: Pieces, i: int) -> Quarantined | None:
+    if not all(path in row for path in (*OF_QUARANTINED, schema.CHECKSUM.path)):
+        return None
+    if checksum({path: row[path] for path in OF_QUARANTINED}) != str(row[schema.CHECKSUM.path]):
+        return None
+    try:
+        spec = EpisodeSpec.from_json(str(row["episodes/spec"]))
+    except (GraspFactoryError, ValueError, RecursionError):
+        return None
+    if not pieces.is_collected and (spec.seed, spec.index) != (pieces.config.seed, i):
+        return None
+    return Quarantined(spec, str(row[schema.ERROR.path]))
+
+
+def _sound(row: Row, pieces: Pieces) -> set[str]:
+    """Return the paths of the values that match their digests."""
+    if schema.DIGESTS.path not in row:
+        return set()
+    contents = trimmed(row, pieces.fields)
+    digests = zip(pieces.digested, row[schema.DIGESTS.path].tolist(), strict=True)
+    return {
+        path for path, stored in digests if path in contents and digest(contents[path]) == stored
+    }

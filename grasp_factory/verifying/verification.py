@@ -1,0 +1,158 @@
+"""Verifying a store: its metadata, what is beside the rows, then block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from grasp_factory.errors import StoreError
+from grasp_factory.executors import Executor, InlineExecutor, ProcessExecutor
+from grasp_factory.records import check, is_integer
+from grasp_factory.replay import changed_since
+from grasp_factory.request import MAX_EPISODES, MAX_WORKERS
+from grasp_factory.verifying.beside import (
+    label_problems,
+    object_problems,
+    packed_problems,
+    strangers,
+)
+from grasp_factory.verifying.blocks import COMMITTED, BlockChecker, Findings
+from grasp_factory.verifying.deep import SEEDS, Simulator, draw, new_seed
+from grasp_factory.verifying.documents import group_faults, has_config, root_problem
+from grasp_factory.verifying.pieces import Pieces, open_pieces
+from grasp_factory.verifying.problems import Problem, Report
+from grasp_factory.writers.columns import Columns
+
+BLOCKS_AT_ONCE = 16
+"""Blocks that a worker gets at a time."""
+FEW = 8
+"""Blocks up to which no process is started."""
+
+
+def verify(
+    path: Path | str,
+    deep: int = 0,
+    workers: int = 1,
+    *,
+    deep_seed: int | None = None,
+    on_start: Callable[[int], None] = lambda rows: None,
+    on_episode: Callable[[int], None] = lambda row: None,
+) -> Report:
+    """Check everything in the store at ``path`` against its checksums and against itself.
+
+    Nothing is changed. With more than one worker, call it under ``if __name__ == "__main__":``.
+
+    Args:
+        path: the store.
+        deep: this many episodes, drawn at random, are simulated again and compared byte by byte.
+        workers: processes; a small store is checked in this one.
+        deep_seed: what they are drawn from; None for another one each time.
+        on_start: called with the number of rows before the first is checked.
+        on_episode: called with the number of each row, when it was checked or simulated.
+
+    Raises:
+        UsageError: if there is no store, or for a number that is none.
+    """
+    path = Path(path)
+    for key, got, low, high in (
+        ("deep", deep, 0, MAX_EPISODES),
+        ("workers", workers, 1, MAX_WORKERS),
+        ("deep_seed", 0 if deep_seed is None else deep_seed, 0, SEEDS - 1),
+    ):
+        ok = is_integer(got) and low <= got <= high
+        check(ok, key, got, f"an integer from {low} to {high}")
+    damaged = root_problem(path)
+    if damaged and not has_config(path):
+        return _unreadable(path, damaged)
+    try:
+        pieces, problems = open_pieces(path)
+    except StoreError as error:
+        return _unreadable(path, damaged or Problem(episode=None, array="", what=str(error)))
+    problems = ([damaged] if damaged else []) + problems
+    problems += structure_problems(pieces)
+    on_start(pieces.rows + deep)
+    found = check_blocks(pieces, range(pieces.blocks), workers, on_episode)
+    problems += found.problems
+    size = pieces.config.block_size
+    broken = {problem.episode // size for problem in problems if problem.episode is not None}
+    problems += packed_problems(pieces, broken)
+    seed = new_seed() if deep_seed is None else deep_seed
+    simulated = draw(_simulable(pieces, found), deep, seed) if deep else ()
+    executor = executor_for(workers, len(simulated), few=1)
+    for differing in executor.run(Simulator(path), simulated, on_episode):
+        problems += differing
+    return Report(
+        path=str(path),
+        episodes=pieces.rows,
+        committed=found.committed,
+        quarantined=found.quarantined,
+        missing=found.missing,
+        problems=tuple(problems),
+        notes=tuple(strangers(pieces)),
+        changed=tuple(changed_since(pieces.attributes)),
+        simulated=simulated,
+        deep_seed=seed if deep else None,
+    )
+
+
+def structure_problems(pieces: Pieces) -> list[Problem]:
+    """Return the problems of groups, users' objects and added labels."""
+    groups = group_faults(pieces.path, pieces.config)
+    out = [Problem(episode=None, array=name, what=fault) for name, fault in groups]
+    for found in (object_problems, label_problems):
+        out += found(pieces)
+    return out
+
+
+def check_blocks(
+    pieces: Pieces, blocks: range, workers: int, on_episode: Callable[[int], None]
+) -> Findings:
+    """Check some blocks."""
+    jobs = [
+        blocks[first : first + BLOCKS_AT_ONCE] for first in range(0, len(blocks), BLOCKS_AT_ONCE)
+    ]
+    executor = executor_for(workers, len(blocks), few=FEW)
+    return _joined(executor.run(BlockChecker(pieces.path), jobs, on_episode))
+
+
+def executor_for(workers: int, tasks: int, few: int) -> Executor:
+    """Return what runs so many tasks, of which few are done in this process."""
+    return InlineExecutor() if workers == 1 or tasks <= few else ProcessExecutor(workers)
+
+
+def _joined(several: Iterable[Findings]) -> Findings:
+    out = Findings()
+    for found in several:
+        out.committed += found.committed
+        out.quarantined += found.quarantined
+        out.missing += found.missing
+        out.problems += found.problems
+    return out
+
+
+def _simulable(pieces: Pieces, found: Findings) -> list[int]:
+    """Return the committed rows without a problem."""
+    if len(pieces.arrays) < len(pieces.fields):
+        return []
+    columns = Columns(pieces.path, pieces.config, pieces.arrays)
+    broken = {problem.episode for problem in found.problems}
+    try:
+        committed = np.flatnonzero(columns.read("status")["status"] == COMMITTED)
+    except StoreError:
+        return []
+    return [row for row in committed.tolist() if row not in broken]
+
+
+def _unreadable(path: Path, problem: Problem) -> Report:
+    return Report(
+        path=str(path),
+        episodes=0,
+        committed=0,
+        quarantined=0,
+        missing=0,
+        problems=(problem,),
+        notes=(),
+        changed=(),
+    )

@@ -1,0 +1,513 @@
+"""Repairing: what verify finds is made again, byte for byte, and nothing whole is touched."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from damage import (
+    CONFIG,
+    LABEL,
+    SEGMENT_BLOCKS,
+    Damage,
+    N,
+    cut,
+    delete,
+    empty,
+    lengthen,
+    make_store,
+    swap,
+)
+from helpers import assert_same_tree, tree
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from grasp_factory.__main__ import main
+from grasp_factory.collecting import split
+from grasp_factory.config import FactoryConfig
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import (
+    GraspFactoryError,
+    StoreBusyError,
+    StoreError,
+    StoreMismatchError,
+    UsageError,
+)
+from grasp_factory.factory import generate
+from grasp_factory.rollout import run_episode
+from grasp_factory.summary import summarise
+from grasp_factory.verifying import repair, verify
+from grasp_factory.writers import packing
+from grasp_factory.writers.lock import StoreLock
+
+PACKED = "packed/0-1.npz"
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a store that no test changes."""
+    return make_store(tmp_path_factory.mktemp("repair") / "store")
+
+
+@pytest.fixture
+def copy(store: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(store, tmp_path / "store"))
+
+
+@pytest.fixture(autouse=True)
+def small_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """Run the command in this process; return exit code, stdout and stderr."""
+
+    def run(*args: object) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["grasp-factory", *map(str, args)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        return int(left.value.code or 0), *capsys.readouterr()
+
+    return run
+
+
+def no_simulation(*_: Any) -> Any:
+    raise AssertionError("an episode was simulated")
+
+
+DAMAGES: dict[str, Damage] = {
+    "a stream that is cut": cut("streams/tcp_pose/1.0.0"),
+    "images that are deleted": delete("cameras/front/rgb/0.0.0.0.0"),
+    "a depth shard that is empty": empty("cameras/front/depth/2.0.0.0"),
+    "a video that is deleted": delete("videos/front/rgb/0.0.0.0.0"),
+    "a commit marker that is deleted": delete("episodes/status/1"),
+    "a commit marker that is cut": cut("episodes/status/0"),
+    "checksums that are deleted": delete("episodes/checksum/2"),
+    "digests that are cut": cut("episodes/array_crc32c/0.0"),
+    "recipes that are longer": lengthen("episodes/spec/1"),
+    "lengths that are deleted": delete("episodes/n_steps/0"),
+    "reasons that are deleted": delete("episodes/error/0"),
+    "reasons of none that are deleted": delete("episodes/error/2"),
+    "shards of two blocks swapped": swap("streams/phase/0.0", "streams/phase/1.0"),
+    "shards of two arrays swapped": swap(
+        "streams/joint_positions/0.0.0", "streams/joint_torques/0.0.0"
+    ),
+    "shards of unlike arrays swapped": swap("streams/phase/0.0", "streams/reward/0.0"),
+    "commit markers swapped": swap("episodes/status/0", "episodes/status/2"),
+    "checksums swapped": swap("episodes/checksum/0", "episodes/checksum/1"),
+    "metadata that is cut": cut("streams/phase/zarr.json"),
+    "metadata that is deleted": delete("episodes/status/zarr.json"),
+    "metadata of digests that is deleted": delete("episodes/array_crc32c/zarr.json"),
+    "metadata of two arrays swapped": swap(
+        "episodes/status/zarr.json", "episodes/checksum/zarr.json"
+    ),
+    "metadata of a group that is empty": empty("cameras/front/zarr.json"),
+    "a label that is cut": cut(f"labels/{LABEL}/outcome/c/0"),
+    "a label's metadata that is deleted": delete(f"labels/{LABEL}/success/zarr.json"),
+    "metadata of labels that is cut": cut("labels/zarr.json"),
+    "a segment that is cut": cut(PACKED),
+    "a segment that is deleted": delete(PACKED),
+    "metadata of segments that is empty": empty("packed/zarr.json"),
+}
+
+
+@pytest.mark.parametrize("what", DAMAGES)
+def test_damage_is_found_and_mended_to_the_same_bytes(store: Path, copy: Path, what: str) -> None:
+    DAMAGES[what](copy)
+    result = repair(copy)
+    assert result.failed == ()
+    assert result.is_whole
+    assert all(made.is_same is not False for made in result.remade)
+    if what == "a segment that is deleted":  # which is no damage
+        packing.pack(copy)
+    else:
+        assert result.before.problems
+        assert result.mended or result.remade
+    assert_same_tree(store, copy)
+
+
+def test_everything_at_once_is_mended(store: Path, copy: Path) -> None:
+    delete("episodes/zarr.json")(copy)
+    delete("streams/tcp_pose/zarr.json")(copy)
+    for name in ("streams/tcp_pose/0.0.0", "episodes/spec/1", "episodes/status/2"):
+        delete(name)(copy)
+    cut(PACKED)(copy)
+    empty(f"labels/{LABEL}/success/c/0")(copy)
+    assert repair(copy, workers=2).is_whole
+    assert_same_tree(store, copy)
+
+
+def test_a_whole_store_is_not_touched(
+    store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grasp_factory.verifying.mending.run_episode", no_simulation)
+    times = {file: file.stat().st_mtime_ns for file in copy.rglob("*")}
+    result = repair(copy)
+    assert result.is_whole
+    assert (result.mended, result.failed, result.remade) == ((), (), ())
+    assert {file: file.stat().st_mtime_ns for file in copy.rglob("*")} == times
+
+
+def test_episodes_that_are_whole_are_not_simulated(
+    store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grasp_factory.verifying.mending.run_episode", no_simulation)
+    for name in ("episodes/status/0", "episodes/checksum/1", "episodes/array_crc32c/2.0"):
+        delete(name)(copy)
+    assert repair(copy).is_whole
+    assert_same_tree(store, copy)
+
+
+def test_only_broken_rows_of_a_block_are_simulated(store: Path, copy: Path) -> None:
+    file = copy / "streams/tcp_pose/1.0.0"
+    data = bytearray(file.read_bytes())
+    data[20] ^= 0xFF
+    file.write_bytes(data)
+    (broken,) = {problem.episode for problem in verify(copy).problems}
+    assert [made.episode for made in repair(copy).remade] == [broken]
+    assert_same_tree(store, copy)
+
+
+def test_missing_rows_are_made(store: Path, copy: Path) -> None:
+    for folder in copy.rglob("*"):
+        if folder.is_dir() and "packed" not in folder.parts and LABEL not in folder.parts:
+            for file in folder.glob("1" if "videos/front" not in str(folder) else "[4567].*"):
+                file.unlink()
+            for file in folder.glob("1.*" if "videos/front" not in str(folder) else "none"):
+                file.unlink()
+    result = repair(copy)
+    assert result.is_whole
+    assert {made.episode for made in result.remade} == {4, 5, 6, 7}
+    assert {made.is_same for made in result.remade} == {None}
+    assert_same_tree(store, copy)
+
+
+def test_what_killed_runs_have_left_is_removed_and_nothing_else(store: Path, copy: Path) -> None:
+    for name in ("streams/phase/0.0.partial", "labels/.x.creating/zarr.json"):
+        (copy / name).parent.mkdir(exist_ok=True)
+        (copy / name).write_text("x")
+    (copy / "mine.txt").write_text("x")
+    (copy / "mine.partial").write_text("x")
+    assert repair(copy).is_whole
+    for mine in ("mine.txt", "mine.partial"):
+        (copy / mine).unlink()
+    assert_same_tree(store, copy)
+
+
+class TestTheRoot:
+    def test_that_says_something_else_is_mended_where_that_is_certain(
+        self, store: Path, copy: Path
+    ) -> None:
+        text = (copy / "zarr.json").read_text()
+        for a, b in (('"license": "MIT"', '"license": "BSD"'), ('_sha256": "', '_sha256": "f')):
+            (copy / "zarr.json").write_text(text.replace(a, b))
+            if '"config_sha256": "f' in (copy / "zarr.json").read_text():
+                (copy / "zarr.json").write_text(text.replace('data_sha256": "', 'data_sha256": "f'))
+            assert repair(copy).is_whole
+            assert_same_tree(store, copy)
+
+    def test_is_left_alone_where_it_is_not(self, copy: Path) -> None:
+        cut("zarr.json")(copy)
+        before = tree(copy)
+        result = repair(copy)
+        assert not result.is_whole
+        assert "copy its zarr.json" in result.failed[0]
+        assert tree(copy) == before
+
+    def test_is_mended_by_a_copy_of_an_empty_store_of_the_same_command(
+        self, store: Path, copy: Path, tmp_path: Path
+    ) -> None:
+        delete("zarr.json")(copy)
+        generate(CONFIG, 1, tmp_path / "other", workers=1, max_failures=1.0)
+        shutil.copy(tmp_path / "other" / "zarr.json", copy / "zarr.json")
+        assert verify(copy).is_whole
+        assert_same_tree(store, copy)
+
+
+def test_metadata_is_not_made_again_by_a_version_that_writes_it_otherwise(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut("streams/phase/zarr.json")(copy)
+    before = tree(copy)
+    monkeypatch.setattr("grasp_factory.writers.layout.ZSTD_LEVEL", 9)
+    result = repair(copy)
+    assert not result.is_whole
+    assert "is not as this version writes it" in result.failed[0]
+    assert tree(copy) == before
+
+
+def test_it_is_said_when_an_episode_comes_out_otherwise(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def other(*args: Any) -> Any:
+        episode = run_episode(*args)
+        return dataclasses.replace(episode, columns={**episode.columns, "grasp_score": 12.5})
+
+    monkeypatch.setattr("grasp_factory.verifying.mending.run_episode", other)
+    delete("streams/phase/2.0")(copy)
+    result = repair(copy)
+    assert result.is_whole
+    assert {made.is_same for made in result.remade} == {False}
+    assert Dataset.open(copy).value(result.remade[0].episode, "grasp_score") == 12.5
+
+
+class TestAnAddedLabel:
+    def test_without_thresholds_is_removed_with_advice(self, copy: Path) -> None:
+        for part in ("", "outcome/", "success/"):
+            empty(f"labels/{LABEL}/{part}zarr.json")(copy)
+        result = repair(copy)
+        assert result.is_whole
+        assert "relabel --name gentle" in result.failed[0]
+        assert Dataset.open(copy).labels == []
+
+    def test_of_a_repair_that_was_killed_comes_back(self, store: Path, copy: Path) -> None:
+        (copy / "labels" / LABEL).rename(copy / "labels" / f".{LABEL}.damaged")
+        assert repair(copy).is_whole
+        assert_same_tree(store, copy)
+
+
+class TestACollectedStore:
+    @pytest.fixture
+    def collected(self, store: Path, tmp_path: Path) -> Path:
+        rows = Dataset.open(store).committed[1:].tolist()
+        split(store, tmp_path / "part", rows)
+        return tmp_path / "part"
+
+    @pytest.mark.parametrize(
+        "name",
+        [
+            "streams/phase/0.0",
+            "episodes/spec/0",
+            "episodes/seed/0",
+            "episodes/status/0",
+            "episodes/checksum/1",
+            "episodes/array_crc32c/0.0",
+            "streams/phase/zarr.json",
+        ],
+    )
+    def test_is_mended_from_the_recipes_of_its_rows(
+        self, collected: Path, tmp_path: Path, name: str
+    ) -> None:
+        before = Path(shutil.copytree(collected, tmp_path / "before"))
+        assert verify(collected).is_whole
+        delete(name)(collected)
+        result = repair(collected)
+        assert (result.is_whole, result.failed) == (True, ())
+        assert_same_tree(before, collected)
+
+    def test_whose_recipes_are_lost_is_left_as_it_is(self, collected: Path) -> None:
+        for name in ("spec", "seed", "index"):
+            delete(f"episodes/{name}/0")(collected)
+        before = tree(collected)
+        result = repair(collected)
+        assert not result.is_whole
+        assert "nothing is left that tells the recipe" in result.failed[0]
+        assert tree(collected) == before
+
+
+def test_a_store_that_is_being_written_is_not_repaired(copy: Path) -> None:
+    delete("streams/phase/0.0")(copy)
+    with StoreLock(copy), pytest.raises(StoreBusyError):
+        repair(copy)
+
+
+def test_something_in_the_place_of_the_template_is_not_removed(copy: Path) -> None:
+    delete("streams/phase/0.0")(copy)
+    place = copy.with_name(f".{copy.name}.repairing")
+    place.mkdir()
+    (place / "mine").write_text("x")
+    with pytest.raises(StoreMismatchError, match="in the way"):
+        repair(copy)
+    assert (place / "mine").exists()
+
+
+KILLED = """
+import sys
+from grasp_factory.verifying import repair
+repair(sys.argv[1])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::grasp_factory.errors.StaleLockWarning")
+def test_a_repair_that_is_killed_loses_nothing_and_can_be_run_again(
+    store: Path, tmp_path: Path
+) -> None:
+    killed_at_work = 0
+    for number in range(8):
+        copy = Path(shutil.copytree(store, tmp_path / f"store{number}"))
+        for name in ("streams/phase/0.0", "episodes/status/1", "imu/zarr.json"):
+            delete(name)(copy)
+        process = subprocess.Popen([sys.executable, "-c", KILLED, str(copy)])
+        template = copy.with_name(f".{copy.name}.repairing")
+        while not template.exists() and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(0.1 * number)
+        process.send_signal(signal.SIGKILL)
+        killed_at_work += process.wait() == -signal.SIGKILL
+        assert repair(copy).is_whole
+        packing.pack(copy)  # as many blocks to a segment as here, which the command does not do
+        assert_same_tree(store, copy)
+        assert list(tmp_path.glob(f".*store{number}*")) == []
+    assert killed_at_work > 2
+
+
+class TestTheCommand:
+    def test_says_what_it_did_and_exits_with_0(self, store: Path, copy: Path, run: Any) -> None:
+        delete("streams/phase/2.0")(copy)
+        code, out, err = run("repair", copy, "--workers", 1)
+        assert (code, err) == (0, "")
+        assert "rows 8 to 9 are whole again" in out
+        assert "the same again" in out
+        assert "the store is whole" in out
+        assert "nothing to repair" in run("repair", copy)[1]
+
+    def test_exits_with_1_when_something_is_left(self, copy: Path, run: Any) -> None:
+        cut("zarr.json")(copy)
+        code, out, _ = run("repair", copy)
+        assert code == 1
+        assert "failed: zarr.json of the root cannot be made again" in out
+
+    def test_prints_json(self, copy: Path, run: Any) -> None:
+        delete("streams/phase/2.0")(copy)
+        code, out, _ = run("repair", copy, "--json", "--workers", 1)
+        found = json.loads(out)
+        assert (code, found["is_whole"]) == (0, True)
+        assert [made["episode"] for made in found["remade"]] == [8, 9]
+        assert found["remade"][0]["is_same"]
+        assert found["before"]["problems"]
+        assert not found["after"]["problems"]
+
+
+WORDS = st.sampled_from(["", "x", "zarr", "float32", "string", "NaN", "regular", "..", "labels"])
+SCALARS = st.one_of(
+    st.none(), st.booleans(), st.integers(-(10**20), 10**20), st.floats(), WORDS, st.just([]),
+    st.just({}), st.just([10**9, 10**9]), st.just({"name": "x"}),
+)  # fmt: skip
+
+
+@st.composite
+def mutations(draw: st.DrawFn, document: Any) -> Any:
+    """Draw a document in which something is another, is missing, or is more."""
+    document = json.loads(json.dumps(document))
+    node = document
+    while True:
+        keys = list(node) if isinstance(node, dict) else list(range(len(node)))
+        if not keys:
+            return draw(SCALARS)
+        key = draw(st.sampled_from(keys))
+        below = node[key]
+        if isinstance(below, dict | list) and below and draw(st.integers(0, 3)):
+            node = below
+            continue
+        match draw(st.integers(0, 3)):
+            case 0:
+                del node[key]
+            case 1 if isinstance(node, dict):
+                node[draw(WORDS)] = node.pop(key)
+            case _:
+                node[key] = draw(SCALARS)
+        return document
+
+
+DOCUMENTS = (
+    "zarr.json",
+    "streams/zarr.json",
+    "streams/phase/zarr.json",
+    "episodes/status/zarr.json",
+    "episodes/spec/zarr.json",
+    "episodes/array_crc32c/zarr.json",
+    "cameras/front/depth/zarr.json",
+    "videos/front/rgb/zarr.json",
+    "labels/zarr.json",
+    f"labels/{LABEL}/zarr.json",
+    f"labels/{LABEL}/outcome/zarr.json",
+    "packed/zarr.json",
+)
+
+
+@pytest.fixture(scope="module")
+def scratch(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(shutil.copytree(store, tmp_path_factory.mktemp("mutated") / "store"))
+
+
+def text(document: Any) -> str:
+    """Return a document as text: True and 1 are equal otherwise."""
+    return json.dumps(document, sort_keys=True)
+
+
+def read_all(path: Path) -> None:
+    dataset = Dataset.open(path)
+    summarise(dataset)
+    for name in dataset.columns:
+        dataset.column(name)
+    for i in dataset.committed[:3]:
+        dataset[int(i)]
+    for name in dataset.labels:
+        dataset.label(name)
+    dataset.arrays()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
+@pytest.mark.parametrize("name", DOCUMENTS)
+@settings(max_examples=20, suppress_health_check=[HealthCheck.too_slow])
+@given(data=st.data())
+def test_metadata_of_any_kind_is_an_error_of_ours_or_harmless(
+    store: Path, scratch: Path, name: str, data: st.DataObject
+) -> None:
+    whole = (store / name).read_bytes()
+    document = data.draw(mutations(json.loads(whole)))
+    (scratch / name).write_text(json.dumps(document))
+    try:
+        try:
+            read_all(scratch)
+        except (StoreError, UsageError):
+            pass
+        try:
+            assert verify(scratch).is_whole == (text(document) == text(json.loads(whole)))
+        except StoreMismatchError:
+            assert name == "zarr.json"
+    finally:
+        (scratch / name).write_bytes(whole)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_metadata_of_any_kind_is_mended_or_left(store: Path, tmp_path: Path, name: str) -> None:
+    """The same for what writes; a mutation of each kind, for each is a repair."""
+    whole = json.loads((store / name).read_bytes())
+    documents: list[Any] = [[], {}, {**whole, "shape": [0]}, {**whole, "attributes": {}}]
+    for number, wrong in enumerate(documents):
+        if wrong == whole:
+            continue
+        copy = Path(shutil.copytree(store, tmp_path / str(number)))
+        (copy / name).write_text(json.dumps(wrong))
+        before = tree(copy)
+        try:
+            generate(CONFIG, N, copy, workers=1, max_failures=1.0)
+        except GraspFactoryError:
+            assert tree(copy) == before
+        try:
+            mended = repair(copy).is_whole
+        except GraspFactoryError:
+            assert tree(copy) == before
+        else:
+            assert mended or name == "zarr.json"
+            if mended:
+                assert_same_tree(store, copy)
+
+
+def test_a_config_that_is_another_is_refused(copy: Path) -> None:
+    other = FactoryConfig.from_plain(CONFIG.to_plain() | {"seed": 9})
+    with pytest.raises(StoreMismatchError):
+        generate(other, N, copy, workers=1)

@@ -1,0 +1,498 @@
+"""Verifying: whatever is not as it was written is named, and what is, is not."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from damage import (
+    CONFIG,
+    LABEL,
+    Damage,
+    N,
+    change,
+    cut,
+    delete,
+    empty,
+    files,
+    lengthen,
+    make_store,
+    readings,
+    same,
+    swap,
+)
+from helpers import tree
+
+from grasp_factory.__main__ import main
+from grasp_factory.config import FactoryConfig
+from grasp_factory.dataset import Dataset
+from grasp_factory.episode import Episode
+from grasp_factory.errors import GraspFactoryError, StoreMismatchError, UsageError
+from grasp_factory.factory import generate
+from grasp_factory.finite import non_finite
+from grasp_factory.outcome import Outcome
+from grasp_factory.schema import FIELDS
+from grasp_factory.verifying import verification, verify
+from grasp_factory.verifying.deep import draw
+from grasp_factory.writers import packing
+from grasp_factory.writers.base import Quarantined
+from grasp_factory.writers.packed import FOLDER
+from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr import ZarrWriter
+
+FLIPS = 200
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a store that no test changes."""
+    return make_store(tmp_path_factory.mktemp("verify") / "store")
+
+
+@pytest.fixture
+def copy(store: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(store, tmp_path / "store"))
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """Run the command in this process; return exit code, stdout and stderr."""
+
+    def run(*args: object) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["grasp-factory", *map(str, args)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        return int(left.value.code or 0), *capsys.readouterr()
+
+    return run
+
+
+class TestAWholeStore:
+    def test_has_no_problem_and_is_not_touched(self, store: Path) -> None:
+        before = tree(store)
+        report = verify(store)
+        assert (report.problems, report.notes, report.changed) == ((), (), ())
+        assert tree(store) == before
+
+    def test_is_counted(self, store: Path) -> None:
+        report = verify(store)
+        status = Dataset.open(store).status.tolist()
+        assert report.episodes == N
+        assert (report.committed, report.quarantined) == (status.count(1), status.count(2))
+        assert report.quarantined > 0 < report.committed
+
+    def test_may_be_of_any_make(self, tmp_path: Path) -> None:
+        config = FactoryConfig.from_plain(
+            {
+                "resolution": [48, 36],
+                "robot": "panda",
+                "policies": {"antipodal": 1.0, "perturbed": 1.0, "uniform": 1.0},
+                "clutter": {"count": 3},
+                "record_hz": 60,
+                "block_size": 3,
+            }
+        )
+        generate(config, 6, tmp_path / "store", workers=1)
+        assert verify(tmp_path / "store").problems == ()
+
+    def test_that_is_empty_lacks_its_rows(self, tmp_path: Path) -> None:
+        prepare_store(tmp_path / "store", CONFIG, 7, N, {})
+        report = verify(tmp_path / "store")
+        assert report.missing == N
+        assert [problem.episode for problem in report.problems] == [0, 4, 8]
+        assert "generate" in report.problems[0].advice
+
+    def test_is_the_same_for_workers(self, store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(verification, "FEW", 0)
+        monkeypatch.setattr(verification, "BLOCKS_AT_ONCE", 1)
+        seen: list[int] = []
+        report = verify(store, workers=2, on_episode=seen.append)
+        assert report == verify(store)
+        assert sorted(seen) == list(range(N))
+
+
+@pytest.mark.slow
+def test_a_changed_byte_is_reported_or_is_no_content(store: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(store, tmp_path / "store"))
+    truth, checked_truth = dict(readings(copy)), dict(readings(copy, checked=True))
+    every = files(copy)
+    sizes = np.array([file.stat().st_size for file in every])
+    rng = np.random.default_rng(7)
+    silent = 0
+    for flip in range(FLIPS):
+        # By bytes the images' files would take nearly all of them, by files the small ones.
+        share = sizes / sizes.sum() if flip % 2 else None
+        file = every[int(rng.choice(len(every), p=share))]
+        place = int(rng.integers(file.stat().st_size))
+        put_back = change(file, place, file.read_bytes()[place] ^ int(rng.integers(1, 256)))
+        what = f"byte {place} of {file.relative_to(copy)}"
+        if verify(copy).is_whole:
+            silent += 1
+            read = dict(readings(copy))
+            assert list(read) == list(truth), what
+            assert [k for k, value in read.items() if not same(value, truth[k])] == [], what
+        for name, value in readings(copy, checked=True):
+            is_true = isinstance(value, GraspFactoryError) or same(value, checked_truth[name])
+            assert is_true, f"{what}: {name}"
+        put_back()
+    assert tree(copy) == tree(store)
+    assert silent < FLIPS / 4
+
+
+NAMES = (
+    "streams/tcp_pose/1.0.0",
+    "cameras/front/depth/0.0.0.0",
+    "episodes/status/0",
+    "episodes/status/2",
+    "episodes/checksum/1",
+    "episodes/array_crc32c/0.0",
+    "episodes/n_steps/0",
+    "episodes/object_mass/2",
+    "episodes/spec/0",
+    "episodes/error/0",
+    "imu/timestamp/0.0",
+    f"labels/{LABEL}/outcome/c/0",
+    "episodes/zarr.json",
+    "streams/phase/zarr.json",
+    "episodes/status/zarr.json",
+    f"labels/{LABEL}/zarr.json",
+    "labels/zarr.json",
+    "packed/zarr.json",
+    "packed/0-1.npz",
+)
+
+
+def case(kind: Any, name: str) -> Any:
+    return pytest.param(kind(name), name, id=f"{kind.__name__} {name}")
+
+
+DAMAGES = [case(kind, name) for name in NAMES for kind in (cut, delete, empty, lengthen)]
+
+
+@pytest.mark.parametrize(("damage", "name"), DAMAGES)
+def test_a_file_that_is_cut_deleted_emptied_or_lengthened_is_named(
+    store: Path, copy: Path, damage: Damage, name: str
+) -> None:
+    damage(copy)
+    problems = verify(copy).problems
+    if name == "packed/0-1.npz" and not problems:  # it is derived, and need not be there
+        assert all(same(*pair) for pair in zip(readings(copy), readings(store), strict=True))
+        return
+    array = name if name.startswith("packed/0") else str(Path(name).parent).removesuffix("/c")
+    assert array in {problem.array for problem in problems}
+    for problem in problems:
+        assert problem.advice
+        if problem.episode is not None and Path(name).name != "zarr.json":
+            block = int(Path(name).name.split(".")[0])
+            assert problem.episode // CONFIG.block_size == block
+
+
+SWAPS = (
+    ("streams/phase/0.0", "streams/phase/1.0"),
+    ("streams/phase/0.0", "streams/reward/0.0"),
+    ("streams/joint_positions/0.0.0", "streams/joint_velocities/0.0.0"),
+    ("cameras/front/rgb/0.0.0.0.0", "cameras/front/rgb/2.0.0.0.0"),
+    ("episodes/status/0", "episodes/status/2"),
+    ("episodes/checksum/0", "episodes/checksum/1"),
+    ("episodes/status/1", "episodes/checksum/1"),
+    ("episodes/policy/0", "episodes/split/0"),
+    (f"labels/{LABEL}/outcome/c/0", f"labels/{LABEL}/success/c/0"),
+    ("streams/zarr.json", "imu/zarr.json"),
+    ("streams/joint_positions/zarr.json", "streams/joint_velocities/zarr.json"),
+    ("episodes/status/zarr.json", "episodes/checksum/zarr.json"),
+)
+
+
+@pytest.mark.parametrize(("a", "b"), SWAPS, ids=[f"{a} and {b}" for a, b in SWAPS])
+def test_files_that_are_swapped_are_found(copy: Path, a: str, b: str) -> None:
+    before = tree(copy)
+    swap(a, b)(copy)
+    assert verify(copy).is_whole == (tree(copy) == before)
+
+
+def test_whole_blocks_that_are_swapped_are_found(copy: Path) -> None:
+    for file in files(copy):
+        number = file.name.partition(".")[0]
+        other = file.with_name("1" + file.name[1:])
+        if number == "0" and not {LABEL, "videos"} & set(file.parts):
+            swap(str(file.relative_to(copy)), str(other.relative_to(copy)))(copy)
+    problems = verify(copy).problems
+    assert {problem.episode for problem in problems} == set(range(8))
+    assert "episodes/index" in {problem.array for problem in problems}
+
+
+class TestTheRoot:
+    @pytest.mark.parametrize("damage", [cut, delete, empty])
+    def test_unreadable_is_the_one_problem(self, copy: Path, damage: Any) -> None:
+        damage("zarr.json")(copy)
+        (problem,) = verify(copy).problems
+        assert (problem.episode, problem.array) == (None, "")
+        assert "copy its zarr.json" in problem.advice
+
+    def test_with_another_fact_in_it_is_a_problem_beside_others(self, copy: Path) -> None:
+        text = (copy / "zarr.json").read_text()
+        (copy / "zarr.json").write_text(text.replace('"license": "MIT"', '"license": "BSD"'))
+        delete("episodes/n_imu/0")(copy)
+        assert {"", "episodes/n_imu"} <= {problem.array for problem in verify(copy).problems}
+
+    def test_of_something_else_is_a_usage_error(self, tmp_path: Path) -> None:
+        for make in (lambda path: None, Path.mkdir, lambda path: path.write_text("x")):
+            path = tmp_path / f"place{make}"[:40]
+            make(path)
+            with pytest.raises(StoreMismatchError):
+                verify(path)
+
+    def test_of_a_version_without_seals_says_so(self, copy: Path) -> None:
+        for name in ("zarr.json", "episodes/status/zarr.json"):
+            document = json.loads((copy / name).read_text())
+            del document["attributes"]["metadata_sha256"]
+            (copy / name).write_text(json.dumps(document))
+        with pytest.raises(StoreMismatchError, match="sealed no metadata"):
+            verify(copy)
+
+
+def test_rows_of_another_number_than_the_other_arrays_are_named(copy: Path) -> None:
+    for rows in (N + 4, 0, -1, None, "x"):
+        file = copy / "streams/phase/zarr.json"
+        whole = file.read_bytes()
+        document = json.loads(whole)
+        document["shape"] = [rows, *document["shape"][1:]]
+        file.write_text(json.dumps(document))
+        problems = verify(copy).problems
+        assert [problem.array for problem in problems] == ["streams/phase"]
+        file.write_bytes(whole)
+
+
+def test_white_space_in_metadata_is_no_content(copy: Path) -> None:
+    for file in copy.rglob("zarr.json"):
+        file.write_text(file.read_text().replace("\n", "\n "))
+    assert verify(copy).is_whole
+
+
+def test_what_a_killed_run_or_a_person_left_is_noted_and_harmless(copy: Path) -> None:
+    for name in ("streams/phase/0.0.partial", "labels/.x.creating/zarr.json", "me/notes.txt"):
+        (copy / name).parent.mkdir(exist_ok=True)
+        (copy / name).write_text("x")
+    report = verify(copy)
+    assert report.is_whole
+    killed = [note for note in report.notes if "a run that was killed" in note]
+    assert len(killed) == 2
+    assert sum("'me'" in note for note in report.notes) == 1
+
+
+def test_a_segment_under_anothers_name_is_named(copy: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packing, "SEGMENT_BLOCKS", 1)
+        shutil.rmtree(copy / FOLDER)
+        packing.pack(copy)
+    assert verify(copy).is_whole
+    swap(f"{FOLDER}/0-0.npz", f"{FOLDER}/1-1.npz")(copy)
+    arrays = [problem.array for problem in verify(copy).problems]
+    assert arrays == [f"{FOLDER}/0-0.npz", f"{FOLDER}/1-1.npz"]
+
+
+def altered(episode: Episode, path: str, value: Any) -> Episode:
+    """Return an episode with another column, or the first values of another stream."""
+    group, name = path.split("/")
+    if group == "episodes":
+        return replace(episode, columns={**episode.columns, name: value})
+    series = {key: values.copy() for key, values in episode.streams.items()}
+    series[name][: len(value)] = value
+    return replace(episode, streams=series)
+
+
+NAN, INF = float("nan"), float("inf")
+UNTRUE: dict[str, tuple[str, Any]] = {
+    "a time that jumps": ("streams/timestamp", [0.5]),
+    "a phase that goes back": ("streams/phase", [3]),
+    "a phase without a word": ("streams/phase", [77]),
+    "a level outside of the shake": ("streams/shake_level", [1.0]),
+    "a body without a contact": ("streams/tactile_body", [1]),
+    "a body without a word": ("streams/tactile_body", [99]),
+    "a quaternion that is too long": ("streams/tcp_pose", [[0.5, 0.0, 0.3, 0.0, 0.0, 0.0, 1.5]]),
+    "a position that is not a number": ("streams/joint_positions", [[NAN] * 7]),
+    "an infinite force": ("streams/tactile_force", [np.full((2, 12, 3), INF)]),
+    "a reward in between": ("streams/reward", [1.0]),
+    "another slip": ("episodes/slip_distance", 0.123),
+    "another lift": ("episodes/lift_height", 0.05),
+    "a negative area": ("episodes/contact_area", -1.0),
+    "an object of another name": ("episodes/object_id", "none"),
+    "another mass": ("episodes/object_mass", 7.0),
+    "another split": ("episodes/split", "nowhere"),
+    "a grasp in part": ("episodes/grasp_position", np.array([NAN, 0.0, 0.0])),
+    "a score of none": ("episodes/quality", 9),
+    "a score of its own": ("episodes/quality", 4),
+    "another way of the objects": ("episodes/object_displacement", np.array([5.0])),
+}
+
+
+@pytest.fixture(scope="module")
+def held(store: Path) -> tuple[int, list[Any]]:
+    """Return a successful episode's row, and all rows of its block."""
+    dataset = Dataset.open(store)
+    i = int(dataset.where(success=True)[0])
+    first = i // 4 * 4
+    return i, [
+        dataset[row]
+        if dataset.status[row] == 1
+        else Quarantined(dataset.spec(row), dataset.column("error")[row])
+        for row in range(first, min(first + 4, N))
+    ]
+
+
+@pytest.mark.parametrize("what", UNTRUE)
+def test_what_cannot_be_true_is_named_even_where_checksums_match(
+    copy: Path, held: tuple[int, list[Any]], what: str
+) -> None:
+    i, rows = held
+    path, value = UNTRUE[what]
+    rows = [altered(row, path, value) if row.spec.index == i else row for row in rows]
+    shutil.rmtree(copy / FOLDER)
+    ZarrWriter(copy).write_block(i // 4, rows)
+    assert Dataset.open(copy).verify(i)
+    problems = verify(copy).problems
+    assert {problem.episode for problem in problems} == {i}
+    assert path.replace("_body", "_position") in {
+        problem.array.replace("_body", "_position") for problem in problems
+    }
+
+
+@pytest.mark.parametrize("outcome", [Outcome.NO_PLAN, Outcome.LOST_IN_LIFT])
+def test_an_outcome_that_the_streams_do_not_give_is_named(
+    copy: Path, held: tuple[int, list[Any]], outcome: Outcome
+) -> None:
+    i, rows = held
+    rows = [replace(row, outcome=outcome) if row.spec.index == i else row for row in rows]
+    ZarrWriter(copy).write_block(i // 4, rows)
+    arrays = {problem.array for problem in verify(copy).problems}
+    assert {"episodes/outcome", "streams/reward"} <= arrays
+
+
+CAMERA: dict[str, tuple[str, Any]] = {
+    "a depth of nothing": ("depth", 0.0),
+    "a depth beyond the range": ("depth", 1000.0),
+    "a mask without a word": ("segmentation", 200),
+    "more than all is visible": ("visibility", 1.5),
+    "a pose that is none": ("T_world_camera", 2.0),
+    "other intrinsics": ("intrinsics", 10.0),
+}
+
+
+@pytest.mark.parametrize("what", CAMERA)
+def test_a_camera_that_cannot_be_is_named(
+    copy: Path, held: tuple[int, list[Any]], what: str
+) -> None:
+    i, rows = held
+    name, value = CAMERA[what]
+    frames = rows[i % 4].cameras["front"]
+    wrong = getattr(frames, name).copy()
+    wrong.flat[0] = value
+    cameras = {"front": replace(frames, **{name: wrong})}
+    rows = [replace(row, cameras=cameras) if row.spec.index == i else row for row in rows]
+    ZarrWriter(copy).write_block(i // 4, rows)
+    assert [(problem.episode, problem.array) for problem in verify(copy).problems
+            if not problem.array.startswith(FOLDER)] == [(i, f"cameras/front/{name}")]  # fmt: skip
+
+
+class TestDeep:
+    def test_episodes_are_simulated_again_and_are_the_same(self, store: Path) -> None:
+        report = verify(store, deep=2, deep_seed=5)
+        assert report.is_whole
+        assert report.deep_seed == 5
+        assert len(report.simulated) == 2
+        assert verify(store, deep=2, deep_seed=5).simulated == report.simulated
+
+    def test_the_seed_is_told_when_none_is_given(self, store: Path) -> None:
+        report = verify(store, deep=1)
+        assert verify(store, deep=1, deep_seed=report.deep_seed).simulated == report.simulated
+
+    def test_what_the_recipe_does_not_give_is_named_with_what_has_changed(
+        self, copy: Path, held: tuple[int, list[Any]], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        i, rows = held
+        frames = rows[i % 4].cameras["front"]
+        rgb = frames.rgb.copy()
+        rgb[0, 0, 0, 0] ^= 1
+        cameras = {"front": replace(frames, rgb=rgb)}
+        rows = [replace(row, cameras=cameras) if row.spec.index == i else row for row in rows]
+        shutil.rmtree(copy / FOLDER)
+        ZarrWriter(copy).write_block(i // 4, rows)
+        assert verify(copy).is_whole
+        (problem,) = verify(copy, deep=N).problems
+        assert (problem.episode, problem.array) == (i, "cameras/front/rgb")
+        monkeypatch.setattr("grasp_factory.writers.header.platform.machine", lambda: "abacus")
+        report = verify(copy, deep=N)
+        assert any("abacus" in change for change in report.changed)
+        assert "abacus" in report.problems[0].what
+
+    def test_rows_are_drawn_without_repeating(self) -> None:
+        assert draw([3, 5, 9], 10, 0) == (3, 5, 9)
+        assert draw([], 3, 0) == ()
+        assert {len(set(draw(list(range(9)), 4, seed))) for seed in range(20)} == {4}
+        assert len({draw(list(range(9)), 4, seed) for seed in range(20)}) > 5
+
+    @pytest.mark.parametrize("numbers", [{"deep": -1}, {"workers": 0}, {"deep_seed": -1}])
+    def test_numbers_that_are_none_are_usage_errors(
+        self, store: Path, numbers: dict[str, Any]
+    ) -> None:
+        with pytest.raises(UsageError, match=next(iter(numbers))):
+            verify(store, **numbers)
+
+
+class TestTheCommand:
+    def test_says_that_all_is_well_and_exits_with_0(self, store: Path, run: Any) -> None:
+        code, out, err = run("verify", store)
+        assert (code, err) == (0, "")
+        assert "all is as it was written" in out
+
+    def test_names_every_problem_and_exits_with_1(self, copy: Path, run: Any) -> None:
+        delete("streams/phase/0.0")(copy)
+        code, out, _ = run("verify", copy)
+        assert code == 1
+        assert "streams/phase: file 0.0 is missing, which has rows 0 to 3; run grasp-f" in out
+
+    def test_prints_json_with_all_of_it(self, copy: Path, run: Any) -> None:
+        delete("episodes/spec/0")(copy)
+        code, out, _ = run("verify", copy, "--json", "--deep", 1, "--deep-seed", 3)
+        found = json.loads(out)
+        assert code == 1
+        assert not found["is_whole"]
+        assert found["deep_seed"] == 3
+        assert {p["array"] for p in found["problems"]} == {"episodes/spec"}
+        assert set(found["problems"][0]) == {"episode", "array", "what", "advice"}
+
+    def test_text_is_cut_after_50_problems(
+        self, copy: Path, run: Any, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("grasp_factory.report.MOST_LINES", 2)
+        for block in range(3):
+            delete(f"episodes/spec/{block}")(copy)
+        problems = len(verify(copy).problems)
+        assert f"and {problems - 2} more" in run("verify", copy)[1]
+
+    def test_exits_with_2_where_there_is_no_store(self, tmp_path: Path, run: Any) -> None:
+        code, out, err = run("verify", tmp_path / "none")
+        assert (code, out) == (2, "")
+        assert err.startswith("Error: there is no store")
+
+
+class TestNumbers:
+    def test_gaps_are_where_the_schema_has_them(self) -> None:
+        gaps = {field.path for field in FIELDS if field.gaps}
+        assert all(np.dtype(field.dtype).kind == "f" for field in FIELDS if field.gaps)
+        for field in FIELDS:
+            if field.dtype == "string" or np.dtype(field.dtype).kind != "f":
+                continue
+            for bad, is_refused in ((NAN, field.path not in gaps), (INF, True), (0.0, False)):
+                contents = {field.path: np.array([1.0, bad])}
+                assert (non_finite(contents, FIELDS) == field.path) is is_refused
+
+    def test_the_first_array_is_named(self) -> None:
+        contents = {"a": np.array([1]), "b": np.array([INF]), "c": np.array([NAN])}
+        assert non_finite(contents, FIELDS) == "b"
+        assert non_finite({}, FIELDS) == ""
