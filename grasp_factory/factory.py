@@ -16,7 +16,7 @@ from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made, b
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import StoreBusyError, StoreError, lookup
-from grasp_factory.executors import InlineExecutor, ProcessExecutor
+from grasp_factory.executors import ProcessExecutor, make_executor
 from grasp_factory.losses import Failures, Losses
 from grasp_factory.objects import OBJECT_SETS, find_set
 from grasp_factory.policies import POLICIES
@@ -112,8 +112,8 @@ def generate(
         config=config, n=n, workers=workers, out=Path(out), shard=shard,
         episode_timeout=seconds, max_failures=max_failures,
     )  # fmt: skip
-    is_here = workers == 1 and episode_timeout is None
-    executor = InlineExecutor() if is_here else ProcessExecutor(request.workers)
+    is_watched = episode_timeout is not None
+    executor = ProcessExecutor(workers) if is_watched else make_executor(request.workers)
     path, start = request.out, time.monotonic()
     target = check_place(path, config)
     carried.unpack(path, config)
@@ -132,14 +132,14 @@ def generate(
             failures = Failures(request.max_failures, plan.to_make)
 
             def hear(message: Begun | Made | Committed) -> None:
-                if not losses.is_news(message):
+                made = losses.news(message)
+                if made is None:
                     return
-                assert isinstance(message, Made)
                 log.count()
-                if lock.is_alone and is_time_to_pack(message.index, config.block_size):
+                if lock.is_alone and is_time_to_pack(made.index, config.block_size):
                     pack(path)
-                on_episode(message)
-                failures.count(message)
+                on_episode(made)
+                failures.count(made)
 
             jobs = [BlockJob(block=block) for block in plan.blocks]
             with contextlib.closing(BlockMaker(config, path)) as task:

@@ -47,19 +47,20 @@ class Losses:
         self._in_hand: dict[int, _InHand] = {}
         self._deaths: Counter[str] = Counter()
 
-    def is_news(self, message: Begun | Made | Committed) -> bool:
-        """Follow a message; return whether it tells of an episode for the first time."""
+    def news(self, message: Begun | Made | Committed) -> Made | None:
+        """Follow a message; return it if it tells of an episode for the first time."""
         if isinstance(message, Committed):
             self._in_hand.pop(message.block, None)
-            return False
+            return None
         block = self._in_hand.setdefault(message.index // self._block_size, _InHand())
         if isinstance(message, Begun):
             block.index = message.index
-            return False
+            return None
         block.index = None
-        is_news = message.index > block.told
-        block.told = max(block.told, message.index)
-        return is_news
+        if message.index <= block.told:
+            return None
+        block.told = message.index
+        return message
 
     def silence(self, message: Any) -> float:
         """Return how long a worker may be silent after a message; see ``executors.Silence``."""

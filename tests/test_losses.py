@@ -27,26 +27,26 @@ def losses(said: list[str]) -> Losses:
 
 def test_each_episode_is_news_once_however_often_its_block_is_made(losses: Losses) -> None:
     job = BlockJob(block=1)
-    first = [losses.is_news(m) for m in (Begun(index=4), made(4), Begun(index=5))]
-    assert first == [False, True, False]
+    first = [losses.news(m) for m in (Begun(index=4), made(4), Begun(index=5))]
+    assert first == [None, made(4), None]
     job = losses.recover(job, "SIGKILL")
-    again = [losses.is_news(m) for m in (Begun(index=4), made(4), Begun(index=5), made(5))]
-    assert again == [False, False, False, True]
-    assert not losses.is_news(Committed(block=1))
+    again = [losses.news(m) for m in (Begun(index=4), made(4), Begun(index=5), made(5))]
+    assert again == [None, None, None, made(5)]
+    assert losses.news(Committed(block=1)) is None
 
 
 def test_the_episode_in_hand_is_tried_once_more_and_then_given_up(
     losses: Losses, said: list[str]
 ) -> None:
     job = BlockJob(block=0)
-    losses.is_news(Begun(index=2))
+    losses.news(Begun(index=2))
     assert losses.recover(job, "SIGSEGV") == job
-    losses.is_news(Begun(index=2))
+    losses.news(Begun(index=2))
     job = losses.recover(job, "SIGSEGV")
     assert job == BlockJob(block=0, lost={2: "its worker was lost twice (SIGSEGV)"})
-    losses.is_news(Begun(index=3))
+    losses.news(Begun(index=3))
     losses.recover(job, "SIGSEGV")
-    losses.is_news(Begun(index=3))
+    losses.news(Begun(index=3))
     assert set(losses.recover(job, "SIGSEGV").lost) == {2, 3}
     assert said == [
         "a worker was lost in episode 2 (SIGSEGV); the block is made again",
@@ -57,8 +57,8 @@ def test_the_episode_in_hand_is_tried_once_more_and_then_given_up(
 def test_a_death_between_episodes_blames_none_and_the_third_ends_the_run(losses: Losses) -> None:
     job = BlockJob(block=0)
     for _ in range(2):
-        losses.is_news(Begun(index=3))
-        losses.is_news(made(3))
+        losses.news(Begun(index=3))
+        losses.news(made(3))
         assert losses.recover(job, "SIGKILL") == job
     with pytest.raises(WorkerError, match=r"3 workers were lost in block 0 \(SIGKILL\)"):
         losses.recover(job, "SIGKILL")
@@ -68,7 +68,7 @@ def test_an_episode_that_is_given_up_cannot_go_on_killing(losses: Losses) -> Non
     job = BlockJob(block=0, lost={1: "no more"})
     with pytest.raises(WorkerError):
         for _ in range(4):
-            losses.is_news(Begun(index=1))
+            losses.news(Begun(index=1))
             assert losses.recover(job, "SIGSEGV") == job
 
 
