@@ -86,8 +86,12 @@ _SENSOR = "ft_sensor: at the wrist flange, axes parallel to the TCP frame's"
 
 STATUS = _f("episodes/status", (), "uint8", "commit marker, written last", names=_STATUS)
 CHECKSUM = _f("episodes/checksum", (), "string", "SHA-256 over the episode's contents")
-DIGESTS = _f("episodes/array_crc32c", ("A",), "uint32",
-             "CRC-32C of the episode's values of each array that the attribute arrays names")
+DIGESTS = _f(
+    "episodes/array_crc32c",
+    ("A",),
+    "uint32",
+    "CRC-32C of the episode's values of each array that the attribute arrays names",
+)
 ERROR = _f("episodes/error", (), "string", "why the episode is quarantined")
 NOT_IN_AN_EPISODE = (STATUS.path, CHECKSUM.path, DIGESTS.path, ERROR.path)
 """Arrays that say something about an episode's contents, and are none of them."""
