@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from grasp_factory.episode import Episode, EpisodeSpec
     from grasp_factory.factory import generate
     from grasp_factory.outcome import Outcome, Phase
+    from grasp_factory.request import Shard
 
 __all__ = [
     "Dataset",
@@ -24,6 +25,7 @@ __all__ = [
     "FactoryConfig",
     "Outcome",
     "Phase",
+    "Shard",
     "generate",
 ]
 
@@ -34,6 +36,7 @@ _HOMES = {
     "FactoryConfig": "config",
     "Outcome": "outcome",
     "Phase": "outcome",
+    "Shard": "request",
     "generate": "factory",
 }
 

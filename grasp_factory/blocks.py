@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -10,16 +11,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.collecting.reading import RowReader
 from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode
+from grasp_factory.episode import Episode, EpisodeSpec
 from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.executors import Report
+from grasp_factory.request import Request
 from grasp_factory.rollout import run_episode
 from grasp_factory.sampling import sample_spec
-from grasp_factory.trouble import GO_ON, MACHINE_TROUBLE
+from grasp_factory.trouble import GO_ON, MACHINE_TROUBLE, NO_THREAD
 from grasp_factory.world import World
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.writers.zarr import COMMITTED, ZarrWriter
 
 LONGEST_REASON = 300
 
@@ -31,6 +37,8 @@ class BlockJob:
     block: int
     lost: Mapping[int, str] = field(default_factory=dict)
     """Episodes of it that are not tried any more, and why; they are quarantined."""
+    retries: bool = False
+    """Episodes that are in quarantine already are tried again."""
 
     def __str__(self) -> str:
         return f"block {self.block}"
@@ -76,18 +84,22 @@ class BlockMaker:
         return BlockMaker, (self._config, self._path)
 
     def __call__(self, job: BlockJob, report: Report) -> None:
-        """Make a block.
+        """Make what is missing of a block, and keep what is there.
 
         Raises:
-            StoreError: if it cannot be written, or the disk fails otherwise.
+            StoreError: if it cannot be written, is damaged, or the disk fails otherwise.
         """
-        rows: list[Episode | Quarantined] = []
+        rows = self._kept(job)
         for index in block_range(job.block, self._config.block_size, self._writer.length):
-            report(Begun(index=index))
-            rows.append(self._make_row(index, job.lost.get(index, "")))
-            report(_in_few_words(rows[-1]))
+            if index in rows:
+                continue
+            if index not in job.lost:
+                report(Begun(index=index))
+            spec = sample_spec(self._config, index)
+            rows[index] = self.make_row(spec, job.lost.get(index, ""))
+            report(in_few_words(rows[index], index))
         with _naming_disk_trouble(f"{self._path}: block {job.block} cannot be written"):
-            self._writer.write_block(job.block, rows)
+            self._writer.write_block(job.block, [rows[index] for index in sorted(rows)])
         report(Committed(block=job.block))
 
     def close(self) -> None:
@@ -95,19 +107,34 @@ class BlockMaker:
         if "_world" in self.__dict__:
             self.__dict__.pop("_world").close()
 
-    def _make_row(self, index: int, lost: str) -> Episode | Quarantined:
-        spec = sample_spec(self._config, index)
+    def _kept(self, job: BlockJob) -> dict[int, Episode | Quarantined]:
+        """Return the rows that are there: of a block that was cut short by a smaller number."""
+        present = self._writer.present(job.block)
+        keep = [i for i, status in present.items() if status == COMMITTED or not job.retries]
+        reader = RowReader(self._path) if keep else None
+        return {i: row.content for i in keep if reader for row in reader.read(i, i + 1)}
+
+    def make_row(self, spec: EpisodeSpec, lost: str) -> Episode | Quarantined:
+        """Simulate a recipe, or quarantine it where it gives no episode.
+
+        Args:
+            spec: the recipe.
+            lost: why it is quarantined without being tried; empty to try it.
+
+        Raises:
+            StoreError: if the machine is at fault.
+        """
         if lost:
             return Quarantined(spec, lost)
         try:
             return run_episode(self._world, spec)
         except RecipeError as error:
-            _blame_machine(error.__context__, index)
+            _blame_machine(error.__context__, spec.index)
             return Quarantined(spec, str(error))
         except MemoryError:
             raise
         except Exception as error:
-            _blame_machine(error, index)
+            _blame_machine(error, spec.index)
             self.close()  # whatever it did to the world, the next episode shall not notice
             return Quarantined(spec, _reason(error))
 
@@ -125,8 +152,15 @@ def block_range(block: int, block_size: int, length: int) -> range:
     return range(block * block_size, min((block + 1) * block_size, length))
 
 
-def _in_few_words(row: Episode | Quarantined) -> Made:
-    more: dict[str, Any] = {"index": row.spec.index, "policy": row.spec.policy}
+def rows_of(request: Request) -> NDArray[np.int64]:
+    """Return the rows of a request's part of its store, ascending."""
+    rows = np.arange(request.n)
+    return np.asarray(rows[request.shard.has(rows // request.config.block_size)])
+
+
+def in_few_words(row: Episode | Quarantined, index: int) -> Made:
+    """Return what is told of a row that was made."""
+    more: dict[str, Any] = {"index": index, "policy": row.spec.policy}
     if isinstance(row, Quarantined):
         return Made(outcome="quarantined", reason=row.reason, **more)
     return Made(outcome=row.outcome.name.lower(), **more)
@@ -141,8 +175,11 @@ def _reason(error: Exception) -> str:
 
 def _blame_machine(error: BaseException | None, index: int) -> None:
     """Raise if the machine is at fault: an episode must not be quarantined for that."""
-    if isinstance(error, OSError) and error.errno in MACHINE_TROUBLE:
+    # What an episode needs is in the package or in the store: a file that is gone was there.
+    if isinstance(error, OSError) and error.errno in MACHINE_TROUBLE | {errno.ENOENT}:
         raise StoreError(f"episode {index} cannot be made: {error.strerror}; {GO_ON}") from None
+    if isinstance(error, RuntimeError) and str(error) == NO_THREAD:
+        raise StoreError(f"episode {index} cannot be made: {error}; {GO_ON}") from None
 
 
 @contextlib.contextmanager

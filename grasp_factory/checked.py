@@ -15,14 +15,14 @@ from grasp_factory.episode import checksum
 from grasp_factory.errors import StoreError
 from grasp_factory.rows import fixed, is_fill
 from grasp_factory.schema import Field
-from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.aside import aside
+from grasp_factory.writers.columns import Columns, check_lengths
 from grasp_factory.writers.digests import digest
 from grasp_factory.writers.layout import block_files
 from grasp_factory.writers.seals import VALUES_SEAL, is_sealed, values_digest
 from grasp_factory.writers.stored import StoredArray
+from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
 
-MISSING, COMMITTED, QUARANTINED = range(3)
-"""Values of the column ``status``."""
 _MEND = "run grasp-factory verify on the store, and repair"
 _OF_QUARANTINED = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
 _WITHOUT = (schema.CHECKSUM.path, schema.DIGESTS.path)
@@ -30,20 +30,36 @@ _WITHOUT = (schema.CHECKSUM.path, schema.DIGESTS.path)
 
 
 def checked_arrays(
-    path: Path, arrays: Mapping[str, StoredArray], fields: Mapping[str, Field]
+    path: Path,
+    arrays: Mapping[str, StoredArray],
+    fields: Mapping[str, Field],
+    seed: int | None,
 ) -> dict[str, StoredArray]:
     """Return the arrays of the store at ``path`` such that they check what is read from them.
 
+    Args:
+        path: the store.
+        arrays: its arrays, by path.
+        fields: theirs.
+        seed: the seed of every recipe, whose index is its row; None in a store that was put
+            together from others.
+
     Raises:
-        StoreError: if the store has no digests, or its metadata is not as it was sealed.
+        StoreError: if the store has no digests, its metadata is not as it was sealed, or arrays
+            have other numbers of rows.
     """
     if schema.DIGESTS.path not in arrays:
         raise StoreError(f"{path} has no checksums of single arrays: open it without checked=True")
     for name in ("", *arrays):
         if not is_sealed(path / name / "zarr.json"):
             raise StoreError(f"{path} is damaged: zarr.json of {name or 'the root'}; {_MEND}")
+    try:
+        check_lengths(path, arrays)
+    except StoreError as error:
+        raise StoreError(f"{error}; {_MEND}") from None
+    places = _Places(path, arrays, seed)
     return {
-        name: array if name in _WITHOUT else CheckedArray(path, name, arrays, fields)
+        name: array if name in _WITHOUT else CheckedArray(path, name, arrays, fields, places)
         for name, array in arrays.items()
     }
 
@@ -75,11 +91,13 @@ class CheckedArray(StoredArray):
         path: str,
         arrays: Mapping[str, StoredArray],
         fields: Mapping[str, Field],
+        places: _Places,
     ) -> None:
         """Use the array at ``path`` of a store's arrays."""
         super().__init__(arrays[path].zarr)
         self._store, self._path = store, path
         self._array, self._arrays, self._field = arrays[path], arrays, fields[path]
+        self._places = places
         attributes: dict[str, Any] = arrays[schema.DIGESTS.path].zarr.attrs.asdict()
         digested = attributes.get("arrays", [])
         self._place = digested.index(path) if path in digested else None
@@ -88,6 +106,7 @@ class CheckedArray(StoredArray):
         """See ``StoredArray.read``; raises also where a row does not match its digest."""
         values = self._array.read(start, stop)
         if stop > start:
+            self._places.check(start, stop)
             self._check(values, start, stop)
         return values
 
@@ -112,20 +131,20 @@ class CheckedArray(StoredArray):
             ends = self._arrays[self._field.length_column].read(start, stop)
         for k in range(stop - start):
             if status[k] != COMMITTED:
-                is_true = self._is_beside(start + k, values[k])
+                is_true = self._is_beside(start + k, int(status[k]), values[k])
             else:
                 end = None if ends is None else max(int(ends[k]), 0)
                 is_true = digest(fixed(values[k] if ends is None else values[k][:end])) == stored[k]
             if not is_true:
                 self._refuse(start + k)
 
-    def _is_beside(self, row: int, value: Any) -> bool:
+    def _is_beside(self, row: int, status: int, value: Any) -> bool:
         """Say whether a row without an episode holds nothing, or the recipe of its quarantine."""
-        if self._path in _OF_QUARANTINED:
-            status = int(self._arrays[schema.STATUS.path].read(row, row + 1)[0])
-            if status == QUARANTINED:
-                stored = str(self._arrays[schema.CHECKSUM.path].read(row, row + 1)[0])
-                return stored == self._quarantined(row)
+        if status == MISSING and self._is_unfinished(row):
+            return True
+        if status == QUARANTINED and self._path in _OF_QUARANTINED:
+            stored = str(self._arrays[schema.CHECKSUM.path].read(row, row + 1)[0])
+            return stored == self._quarantined(row)
         return is_fill(fixed(value), self._field.fill)
 
     def _agrees(self, row: int, status: int, stored: str) -> bool:
@@ -134,21 +153,52 @@ class CheckedArray(StoredArray):
             return bool(stored) and not str(self._arrays[schema.ERROR.path].read(row, row + 1)[0])
         if status == QUARANTINED:
             return stored == self._quarantined(row)
-        # A block that was not finished has checksums already, and no marker.
-        return status == MISSING and (not stored or not self._marker(row).exists())
+        return status == MISSING and (not stored or self._is_unfinished(row))
 
     def _quarantined(self, row: int) -> str:
         """Return the checksum that the row has if it is quarantined."""
         of = {path: self._arrays[path].read(row, row + 1)[0] for path in _OF_QUARANTINED}
         return checksum({path: fixed(value) for path, value in of.items()})
 
-    def _marker(self, row: int) -> Path:
+    def _is_unfinished(self, row: int) -> bool:
+        """Say whether a row's block is being written: it has no marker yet, or one that is new."""
         block = row // self._arrays[schema.STATUS.path].zarr.chunks[0]
-        return block_files(self._store, schema.STATUS, block, range(0))[0]
+        marker = block_files(self._store, schema.STATUS, block, range(0))[0]
+        return aside(marker).exists() or not marker.exists()
 
     def _refuse(self, row: int) -> None:
         what = f"episode {row} is damaged: {self._path} does not match its checksum"
         raise StoreError(f"{self._store}: {what}; {_MEND}")
+
+
+class _Places:
+    """Knows whether rows are where their recipes' indices say; each block is looked at once."""
+
+    def __init__(self, store: Path, arrays: Mapping[str, StoredArray], seed: int | None) -> None:
+        self._store, self._seed = store, seed
+        of = (schema.STATUS.path, "episodes/index", "episodes/seed")
+        self._arrays = [arrays[path] for path in of if path in arrays]
+        self._rows = arrays[schema.STATUS.path].zarr.chunks[0]
+        self._known: set[int] = set()
+
+    def check(self, start: int, stop: int) -> None:
+        """Check some rows.
+
+        Raises:
+            StoreError: naming one that is not in its place.
+        """
+        if self._seed is None:
+            return
+        for block in set(range(start // self._rows, -(-stop // self._rows))) - self._known:
+            first = block * self._rows
+            last = min(first + self._rows, self._arrays[0].zarr.shape[0])
+            status, index, seed = (array.read(first, last) for array in self._arrays)
+            strange = (index != np.arange(first, last)) | (seed != self._seed)
+            for k in np.flatnonzero((status != MISSING) & strange)[:1]:
+                what = f"row {first + k} holds episode {index[k]} of seed {seed[k]}"
+                raise StoreError(f"{self._store} is damaged: {what}; {_MEND}")
+            if (status != MISSING).all():
+                self._known.add(block)
 
 
 class CheckedColumns:

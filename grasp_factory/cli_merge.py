@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -35,8 +33,9 @@ def merge(out: Path, stores: tuple[Path, ...], as_json: bool) -> None:
     back and compared before it does.
     """
     from grasp_factory.collecting import merge as run
+    from grasp_factory.progress import counted
 
-    with _counted() as hooks:
+    with counted("on_row") as hooks:
         result = run(stores, out, **hooks)
     _print(result, as_json)
 
@@ -69,6 +68,7 @@ def split(
     """
     from grasp_factory.collecting import split as run
     from grasp_factory.dataset import Dataset
+    from grasp_factory.progress import counted
 
     given = [] if episodes is None else [indices(episodes)]
     if ids is not None:
@@ -79,7 +79,7 @@ def split(
         raise UsageError("nothing is chosen: name episodes with --episodes, --ids or --where")
     common = set(given[0]).intersection(*given[1:])
     chosen = [index for index in given[0] if index in common]
-    with _counted() as hooks:
+    with counted("on_row") as hooks:
         result = run(path, out, chosen, **hooks)
     _print(result, as_json)
 
@@ -114,23 +114,6 @@ def _matching(dataset: Dataset, condition: str) -> list[int]:
         raise UsageError(f"--where {column}: got {shown(value)}, valid: a value, or [a, list]")
     found: list[int] = dataset.where(**{column: value}).tolist()
     return found
-
-
-@contextlib.contextmanager
-def _counted() -> Iterator[dict[str, Callable[..., None]]]:
-    """Give what shows a bar while rows are copied, where stderr is a terminal."""
-    from grasp_factory.progress import Counter
-
-    with contextlib.ExitStack() as stack:
-        counters: list[Counter] = []
-
-        def start(rows: int) -> None:
-            counters.append(stack.enter_context(Counter(rows, "episode")))
-
-        def count() -> None:
-            counters[-1].count()
-
-        yield {"on_start": start, "on_row": count}
 
 
 def _print(result: Collected, as_json: bool) -> None:

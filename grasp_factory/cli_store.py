@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import click
@@ -41,10 +39,11 @@ def verify(
     Looks at its structure, at the checksums of every episode and at what must hold for every
     array. Changes nothing. Exits with 0 if all is well, and with 1 after naming every problem.
     """
+    from grasp_factory.progress import counted
     from grasp_factory.report import verify_text
     from grasp_factory.verifying import verify as run
 
-    with _counted() as hooks:
+    with counted("on_episode") as hooks:
         report = run(path, deep, workers, deep_seed=deep_seed, **hooks)
     if as_json:
         print_json(to_plain(report) | {"is_whole": report.is_whole})
@@ -64,10 +63,11 @@ def repair(ctx: click.Context, path: Path, workers: int, as_json: bool) -> None:
     Whatever `verify` finds in the store at PATH is made again from its config and recipes;
     episodes that are whole stay as they are. Exits with 0 if the store is whole afterwards.
     """
+    from grasp_factory.progress import counted
     from grasp_factory.report import repair_text
     from grasp_factory.verifying import repair as run
 
-    with _counted() as hooks:
+    with counted("on_episode") as hooks:
         result = run(path, workers, **hooks)
     if as_json:
         more = {"is_whole": result.is_whole}
@@ -76,20 +76,3 @@ def repair(ctx: click.Context, path: Path, workers: int, as_json: bool) -> None:
     else:
         click.echo(repair_text(result))
     ctx.exit(0 if result.is_whole else 1)
-
-
-@contextlib.contextmanager
-def _counted() -> Iterator[dict[str, Callable[[int], None]]]:
-    """Give what shows a bar over rows, where stderr is a terminal."""
-    from grasp_factory.progress import Counter
-
-    with contextlib.ExitStack() as stack:
-        counters: list[Counter] = []
-
-        def start(rows: int) -> None:
-            counters.append(stack.enter_context(Counter(rows, "episode")))
-
-        def count(row: int) -> None:
-            counters[-1].count()
-
-        yield {"on_start": start, "on_episode": count}

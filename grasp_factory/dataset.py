@@ -23,7 +23,7 @@ from grasp_factory.records import is_integer
 from grasp_factory.rows import NEEDED, Row, assemble, read_rows
 from grasp_factory.writers.added import added_columns, added_labels
 from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.header import open_store, read_array
+from grasp_factory.writers.header import SOURCES, open_store, read_array
 from grasp_factory.writers.stored import StoredArray, open_arrays
 
 
@@ -87,7 +87,8 @@ class Dataset:
         fields = {row.path: row for row in schema.expand(config)}
         arrays = open_arrays(root, path, fields, needed)
         if checked:
-            arrays = checked_arrays(path, arrays, fields)
+            seed = None if SOURCES in root.attrs else config.seed
+            arrays = checked_arrays(path, arrays, fields, seed)
         return cls(path, config, root.attrs.asdict(), arrays, shown_as, checked=checked)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -9,14 +9,17 @@ import statistics
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grasp_factory import carried
-from grasp_factory.blocks import Made, block_range
+from grasp_factory.blocks import Made, rows_of
 from grasp_factory.dataset import Dataset
 from grasp_factory.executors import JOBS_PER_PROCESS, Executor, make_executor
 from grasp_factory.factory import check_names
 from grasp_factory.pilots import Flight, episode_seconds, fly, relative_error
 from grasp_factory.request import Request
-from grasp_factory.writers.store import check_place, pending_blocks
+from grasp_factory.writers.store import check_place, missing_rows
 
 Z95 = 1.96
 """Standard deviations about the mean that hold 95 % of a normal distribution."""
@@ -86,9 +89,11 @@ def forecast(
     check_names(config)
     there = len(Dataset.open(request.out)) if (target / "zarr.json").exists() else 0
     length = max(there, request.n)
-    sizes = {b: len(block_range(b, size, length)) for b in _missing_blocks(request, there)}
-    asked = sum(len(block_range(block, size, request.n)) for block in request.blocks)
-    wanted = sum(len(block_range(block, size, request.n)) for block in sizes)
+    missing, part = _missing(request, there, length), rows_of(request)
+    wanted = np.intersect1d(missing, part, assume_unique=True)
+    counts = np.unique(missing // size, return_counts=True)
+    touched = set((wanted // size).tolist())
+    sizes = {b: k for b, k in zip(*map(np.ndarray.tolist, counts), strict=True) if b in touched}
     to_make = sum(sizes.values())
     place = target if target.exists() else target.parent
     expected = None
@@ -98,8 +103,8 @@ def forecast(
         expected = _expected(flight, sizes, request.workers, is_new=there == 0)
     return Forecast(
         path=str(request.out),
-        asked=asked,
-        already_there=asked - wanted,
+        asked=len(part),
+        already_there=len(part) - len(wanted),
         to_make=to_make,
         workers=request.workers,
         free_bytes=shutil.disk_usage(place).free,
@@ -107,12 +112,13 @@ def forecast(
     )
 
 
-def _missing_blocks(request: Request, there: int) -> list[int]:
-    """Return the blocks to make, those included that a longer store would have."""
-    size = request.config.block_size
-    pending = set(pending_blocks(request.out, request.n)) if there else set()
-    longer = {row // size for row in range(there, request.n)}
-    return sorted(filter(request.shard.has, pending | longer))
+def _missing(request: Request, there: int, length: int) -> NDArray[np.int64]:
+    """Return the rows that are missing, those included that a longer store would have."""
+    longer = np.arange(there, length)
+    if not there:
+        return longer
+    own = missing_rows(request.out, quarantined=request.retry_quarantined)
+    return np.concatenate([own, longer])
 
 
 def _expected(flight: Flight, sizes: Mapping[int, int], workers: int, *, is_new: bool) -> Expected:

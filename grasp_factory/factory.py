@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,15 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from grasp_factory import carried
-from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made, block_range
+from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made, rows_of
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import StoreBusyError, StoreError, lookup
+from grasp_factory.errors import GraspFactoryWarning, StoreBusyError, StoreError, lookup
 from grasp_factory.executors import ProcessExecutor, make_executor
 from grasp_factory.losses import Failures, Losses
 from grasp_factory.objects import OBJECT_SETS, find_set
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import check
+from grasp_factory.replay import changed_since
 from grasp_factory.request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard
 from grasp_factory.robots import ROBOTS, RobotModel
 from grasp_factory.runlog import RunLog
@@ -30,7 +32,7 @@ from grasp_factory.world.connection import check_renderer
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.lock import ShardLock, StoreLock
 from grasp_factory.writers.packing import is_time_to_pack, pack
-from grasp_factory.writers.store import check_place, pending_blocks, prepare_store
+from grasp_factory.writers.store import check_place, missing_rows, prepare_store
 from grasp_factory.writers.zarr import QUARANTINED
 
 
@@ -43,7 +45,9 @@ class Plan:
     episodes: int
     """Rows of the store."""
     to_make: int
-    """Episodes in the blocks of this run's part that are not there yet."""
+    """Episodes that are not there yet, of all blocks that this run touches."""
+    already_there: int
+    """Of the episodes asked for."""
     blocks: tuple[int, ...]
     workers: int
     shard: Shard
@@ -77,6 +81,7 @@ def generate(
     shard: Shard = WHOLE,
     episode_timeout: float | None = None,
     max_failures: float = MAX_FAILURES,
+    retry_quarantined: bool = False,
     on_start: Callable[[Plan], None] = lambda plan: None,
     on_episode: Callable[[Made], None] = lambda made: None,
     on_loss: Callable[[str], None] = lambda text: None,
@@ -97,6 +102,7 @@ def generate(
         shard: the part of the store to make; others may make its other parts at the same time.
         episode_timeout: seconds that an episode may take; None for 600 with several workers.
         max_failures: the share of quarantined episodes that is still a success.
+        retry_quarantined: try those again that are in quarantine already.
         on_start: called once with the plan, after every check and before the first episode.
         on_episode: called for each episode as it is made; its block is committed later.
         on_loss: called with a line when a worker was lost and its block is made again.
@@ -110,7 +116,7 @@ def generate(
     seconds = EPISODE_TIMEOUT_S if episode_timeout is None else episode_timeout
     request = Request(
         config=config, n=n, workers=workers, out=Path(out), shard=shard,
-        episode_timeout=seconds, max_failures=max_failures,
+        episode_timeout=seconds, max_failures=max_failures, retry_quarantined=retry_quarantined,
     )  # fmt: skip
     is_watched = episode_timeout is not None
     executor = ProcessExecutor(workers) if is_watched else make_executor(request.workers)
@@ -119,7 +125,7 @@ def generate(
     carried.unpack(path, config)
     robot = check_names(config)
     check_renderer(config.renderer)
-    with _saying_how_to_go_on(), _lock(request) as lock, RunLog(target, request) as log:
+    with saying_how_to_go_on(), _lock(request) as lock, RunLog(target, request) as log:
         if lock.is_alone:
             facts, objects = {"robot": robot.facts()}, carried.packed(config)
             prepare_store(path, config, len(robot.arm_joints), request.n, facts, objects=objects)
@@ -127,6 +133,7 @@ def generate(
         plan = _plan(request)
         on_start(plan)
         if plan.blocks:
+            _warn_of_changes(path)
             log.begin()
             losses = Losses(config.block_size, request.episode_timeout or math.inf, on_loss)
             failures = Failures(request.max_failures, plan.to_make)
@@ -141,7 +148,7 @@ def generate(
                 on_episode(made)
                 failures.count(made)
 
-            jobs = [BlockJob(block=block) for block in plan.blocks]
+            jobs = [BlockJob(block=block, retries=retry_quarantined) for block in plan.blocks]
             with contextlib.closing(BlockMaker(config, path)) as task:
                 executor.run(task, jobs, hear, losses.recover, losses.silence)
         if lock.try_alone():
@@ -171,16 +178,24 @@ def check_names(config: FactoryConfig) -> RobotModel:
     return robot
 
 
+def _warn_of_changes(path: Path) -> None:
+    """Warn where this machine does not make the bytes of the episodes that are there."""
+    if changed := changed_since(Dataset.open(path).attributes):
+        text = f"{path} was begun elsewhere ({'; '.join(changed)}): bytes may differ from there"
+        warnings.warn(text, GraspFactoryWarning, stacklevel=3)
+
+
 @contextlib.contextmanager
-def _saying_how_to_go_on() -> Iterator[None]:
-    """Add to an error of the disk what it means for the store."""
+def saying_how_to_go_on(path: Path | None = None) -> Iterator[None]:
+    """Add to an error of the disk what it means for the store, and its path where none is named."""
     try:
         yield
     except OSError as error:
         if error.errno not in MACHINE_TROUBLE:
             raise
-        where = f"{error.filename}: " if error.filename else ""
-        raise StoreError(f"{where}{error.strerror}; {GO_ON}") from None
+        where = error.filename or path
+        named = f"{where}: " if where else ""
+        raise StoreError(f"{named}{error.strerror}; {GO_ON}") from None
     except StoreError as error:
         is_of_disk = isinstance(error.__context__, OSError)
         if not is_of_disk or str(error).endswith(GO_ON):
@@ -202,30 +217,30 @@ def _plan(request: Request) -> Plan:
             f"{request.out} has room for {length} episodes, and cannot grow to {request.n} while"
             " runs with --shard are at work on it; wait for them"
         )
-    pending = pending_blocks(request.out, request.n)
-    blocks = tuple(block for block in pending if request.shard.has(block))
+    missing = missing_rows(request.out, quarantined=request.retry_quarantined)
+    part = rows_of(request)
+    wanted = np.intersect1d(missing, part, assume_unique=True)
+    blocks = np.unique(wanted // size)
     return Plan(
         path=request.out,
         config=request.config,
         episodes=length,
-        to_make=sum(len(block_range(block, size, length)) for block in blocks),
-        blocks=blocks,
+        to_make=int(np.isin(missing // size, blocks).sum()),
+        already_there=len(part) - len(wanted),
+        blocks=tuple(blocks.tolist()),
         workers=request.workers,
         shard=request.shard,
     )
 
 
 def _summary(request: Request, plan: Plan, seconds: float) -> Summary:
-    n, size = request.n, request.config.block_size
-    rows = np.array([i for block in request.blocks for i in block_range(block, size, n)], np.int64)
-    unmade = sum(len(block_range(block, size, n)) for block in plan.blocks)
-    columns = Columns.open(request.out)
+    rows, columns = rows_of(request), Columns.open(request.out)
     bad = rows[columns.read("status")["status"][rows] == QUARANTINED]
     reasons = {int(i): str(columns.read_rows("error", i, i + 1)[0]) for i in bad}
     return Summary(
         asked=len(rows),
         made=plan.to_make,
-        already_there=len(rows) - unmade,
+        already_there=plan.already_there,
         seconds=round(seconds, 3),
         episodes_per_second=round(plan.to_make / seconds, 3) if plan.blocks else None,
         quarantined=reasons,

@@ -131,6 +131,12 @@ _RUN_OPTIONS = (
         help="Share of quarantined episodes above which to exit with 1."
         f"  [default: {REQUEST.max_failures:g}]",
     ),
+    click.option(
+        "--retry-quarantined",
+        is_flag=True,
+        default=None,
+        help="Try episodes again that are in quarantine.",
+    ),
 )
 
 

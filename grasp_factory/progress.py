@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import click
@@ -48,6 +50,21 @@ class Counter:
     def __exit__(self, *_: object) -> None:
         """Close the bar."""
         self._bar.close()
+
+
+@contextlib.contextmanager
+def counted(each: str) -> Iterator[dict[str, Callable[..., None]]]:
+    """Give the hooks ``on_start`` and ``each`` of what goes over rows, which show a bar."""
+    with contextlib.ExitStack() as stack:
+        counters: list[Counter] = []
+
+        def start(rows: int) -> None:
+            counters.append(stack.enter_context(Counter(rows, "episode")))
+
+        def count(*_: int) -> None:
+            counters[-1].count()
+
+        yield {"on_start": start, each: count}
 
 
 class Progress:
@@ -102,6 +119,7 @@ def make(request: Request, *, quiet: bool) -> Summary:
             shard=request.shard,
             episode_timeout=request.episode_timeout,
             max_failures=request.max_failures,
+            retry_quarantined=request.retry_quarantined,
             on_start=progress.start,
             on_episode=progress.episode,
             on_loss=progress.loss,

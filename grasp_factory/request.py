@@ -28,7 +28,7 @@ MAX_WORKERS = 512
 MAX_SHARDS = 10_000
 EPISODE_TIMEOUT_S = 600.0
 MAX_FAILURES = 0.25
-RUN_KEYS = ("n", "workers", "out", "shard", "episode_timeout", "max_failures")
+RUN_KEYS = ("n", "workers", "out", "shard", "episode_timeout", "max_failures", "retry_quarantined")
 CONFIG_KEYS = tuple(f.name for f in dataclasses.fields(FactoryConfig))
 SECTIONS = sections_of(FactoryConfig)
 PRESETS: Mapping[str, Mapping[str, Any]] = {
@@ -55,9 +55,9 @@ class Shard:
     def __str__(self) -> str:
         return f"{self.index}/{self.count}"
 
-    def has(self, block: int) -> bool:
-        """Say whether a block is in this part."""
-        return block % self.count == self.index % self.count
+    def has(self, blocks: Any) -> Any:
+        """Say which blocks are in this part: an integer, or an array of them."""
+        return blocks % self.count == self.index % self.count
 
     @classmethod
     def parse(cls, text: Any) -> Shard:
@@ -90,8 +90,11 @@ class Request:
     """Share of quarantined episodes above which the run counts as failed."""
     shard: Shard = WHOLE
     """The part of the store that this run makes."""
+    retry_quarantined: bool = False
+    """Try episodes again that are in quarantine."""
 
     def __post_init__(self) -> None:
+        check(isinstance(self.shard, Shard), "shard", self.shard, "a Shard, as Shard(1, 4)")
         check_range(self, "episode_timeout", 0.0, 1e6, "s")
         check_range(self, "max_failures", 0.0, 1.0)
         for key, highest in (("n", MAX_EPISODES), ("workers", MAX_WORKERS)):
@@ -99,11 +102,6 @@ class Request:
             ok = is_integer(got) and 1 <= got <= highest
             check(ok, key, got, f"an integer from 1 to {highest}")
             object.__setattr__(self, key, int(got))  # a numpy integer would not go into JSON
-
-    @property
-    def blocks(self) -> list[int]:
-        """The blocks of its part that hold any of its episodes, ascending."""
-        return [b for b in range(-(-self.n // self.config.block_size)) if self.shard.has(b)]
 
     def to_yaml(self) -> str:
         """Return the settings as YAML, ready to be a config file."""

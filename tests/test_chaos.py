@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,16 +19,17 @@ from grasp_factory.dataset import Dataset
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 N = 8
 RUNS = 30
+FEWER = 5
+"""Of a store that is then grown: its last block is cut short."""
 COMMAND = (
-    *(sys.executable, "-m", "grasp_factory", "generate", "--n", str(N), "--seed", "3"),
-    *("--workers", "2", "--resolution", "48x36", "--set", "block_size=2", "--quiet", "--out"),
+    *(sys.executable, "-m", "grasp_factory", "generate", "--seed", "3", "--workers", "2"),
+    *("--resolution", "48x36", "--set", "block_size=2", "--quiet"),
 )
 
 
-def start(out: Path) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [*COMMAND, str(out)], start_new_session=True, stderr=subprocess.PIPE, text=True
-    )
+def start(out: Path, n: int = N) -> subprocess.Popen[str]:
+    command = [*COMMAND, "--n", str(n), "--out", str(out)]
+    return subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True)
 
 
 def finish(run: subprocess.Popen[str]) -> None:
@@ -41,6 +43,13 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
     path, begun = tmp_path_factory.mktemp("clean") / "ds.zarr", time.monotonic()
     finish(start(path))
     return path, time.monotonic() - begun
+
+
+@pytest.fixture(scope="module")
+def fewer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("fewer") / "ds.zarr"
+    finish(start(path, FEWER))
+    return path
 
 
 def workers_of(pid: int) -> list[int]:
@@ -76,12 +85,15 @@ def wait_for_group(pid: int) -> None:
 
 @pytest.mark.parametrize("number", range(RUNS))
 def test_a_run_that_is_killed_and_resumed_has_the_bytes_of_a_clean_one(
-    clean: tuple[Path, float], tmp_path: Path, number: int
+    clean: tuple[Path, float], fewer: Path, tmp_path: Path, number: int
 ) -> None:
     want, seconds = clean
     rng = np.random.default_rng(number)
     victim = ("the coordinator", "one worker", "the group")[number % 3]
     out = tmp_path / "ds.zarr"
+    there = FEWER if number % 2 else 0
+    if there:
+        shutil.copytree(fewer, out)
     run = start(out)
     try:
         time.sleep(rng.uniform(0.0, seconds))
@@ -93,6 +105,8 @@ def test_a_run_that_is_killed_and_resumed_has_the_bytes_of_a_clean_one(
         run.kill()
         run.communicate()
     wait_for_group(run.pid)
+    if there:
+        assert set(range(there)) <= set(Dataset.open(out).committed.tolist())
     finish(start(out))
     assert Dataset.open(out).committed.tolist() == list(range(N))
     assert_same_tree(want, out)

@@ -16,6 +16,7 @@ from fake_episodes import JOINTS, make_rows, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from grasp_factory.collecting import split
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError, StoreError
 from grasp_factory.writers.chunks import unpack, unpack_words
@@ -176,6 +177,36 @@ class TestMetadata:
         assert len(Dataset.open(copy)) == N
         with pytest.raises(StoreError, match="open it without checked=True"):
             Dataset.open(copy, checked=True)
+
+
+class TestWhatNoDigestHolds:
+    def test_a_number_of_rows_that_only_one_array_has_is_refused(self, copy: Path) -> None:
+        file = copy / "episodes/status/zarr.json"
+        document = json.loads(file.read_bytes())
+        document["shape"][0] -= 1
+        file.write_text(json.dumps(document))
+        with pytest.raises(StoreError, match=r"has [0-9]+ rows, episodes/status has"):
+            Dataset.open(copy, checked=True)
+        with pytest.raises(StoreError, match=r"has [0-9]+ rows, episodes/status has"):
+            split(copy, copy.with_name("out"), [0])
+
+    def test_whole_blocks_that_changed_places_are_refused(self, copy: Path) -> None:
+        for path in (p for p in Dataset.open(copy).arrays() if not p.startswith("labels/")):
+            files = [next((copy / path).glob(f"{block}*")) for block in (0, 1)]
+            aside = files[0].with_name("aside")
+            files[0].rename(aside)
+            files[1].rename(files[0])
+            aside.rename(files[1])
+        dataset = Dataset.open(copy, checked=True)
+        i = row_of(copy, 1)
+        for read in (
+            lambda: dataset[i],
+            lambda: dataset.series(i, "phase"),
+            lambda: dataset.image(i, next(iter(dataset.config.cameras)), "depth", 1),
+            lambda: dataset.column("success"),
+        ):
+            with pytest.raises(StoreError, match=r"row [0-9]+ holds episode [0-9]+ of seed"):
+                read()
 
 
 class TestRowsThatAreNotThere:

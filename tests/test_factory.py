@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import json
 import re
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.episode import Episode, EpisodeSpec
 from grasp_factory.errors import (
     ConfigError,
+    GraspFactoryWarning,
     RecipeError,
     StoreBusyError,
     StoreError,
@@ -33,8 +35,11 @@ from grasp_factory.factory import Plan, generate
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling import sample_spec
 from grasp_factory.summary import summarise
+from grasp_factory.verifying.blocks import BlockChecker
 from grasp_factory.world import World
 from grasp_factory.writers import packing
+from grasp_factory.writers import zarr as zarr_writer
+from grasp_factory.writers.files import write_aside
 from grasp_factory.writers.lock import StoreLock
 from grasp_factory.writers.packed import segments
 
@@ -125,7 +130,7 @@ class TestARun:
     def test_that_grows_gives_the_same_bytes_as_one_for_all(self, out: Path) -> None:
         for n in (2, 6, 10):
             summary = generate(CONFIG, n, out, workers=1)
-        assert (summary.made, summary.already_there) == (6, 4)  # the block of 6 was cut short
+        assert (summary.made, summary.already_there) == (4, 6)
         whole = out.with_name("whole.zarr")
         generate(CONFIG, 10, whole, workers=1)
         assert_same_tree(out, whole)
@@ -170,6 +175,85 @@ class TestARunThatIsStopped:
             generate(CONFIG, 4, out, workers=1, on_episode=stop)
         with StoreLock(out):
             pass
+
+
+class TestGrowingACutBlock:
+    """Ten episodes in blocks of four: 8 and 9 are alone in theirs."""
+
+    @pytest.fixture
+    def ten(self, out: Path) -> Path:
+        generate(CONFIG, 10, out, workers=1)
+        return out
+
+    def test_makes_no_episode_again(self, ten: Path, fake: Callable[[Simulate], None]) -> None:
+        def only_new(world: World, spec: EpisodeSpec) -> Episode:
+            assert spec.index >= 10, "it is there"
+            return pretend(world, spec)
+
+        fake(only_new)
+        made: list[Made] = []
+        summary = generate(CONFIG, 16, ten, workers=1, on_episode=made.append)
+        assert (summary.made, summary.already_there) == (6, 10)
+        assert [one.index for one in made] == list(range(10, 16))
+        assert summary.store.committed == 16
+
+    @pytest.mark.parametrize("writes", [0, 1, 30, 60, 75])
+    def test_loses_none_on_the_way(
+        self, ten: Path, monkeypatch: pytest.MonkeyPatch, writes: int
+    ) -> None:
+        want = {i: Dataset.open(ten)[i].checksum() for i in (8, 9)}
+        left = writes
+
+        def fails_later(file: Path, data: bytes) -> None:
+            nonlocal left
+            if left == 0:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            left -= 1
+            write_aside(file, data)
+
+        with monkeypatch.context() as patch, pytest.raises(StoreError, match="No space left"):
+            patch.setattr(zarr_writer, "write_aside", fails_later)
+            generate(CONFIG, 12, ten, workers=1)
+        dataset = Dataset.open(ten, checked=True)
+        assert dataset.committed.tolist() == list(range(10))
+        assert {i: dataset[i].checksum() for i in (8, 9)} == want
+        files = BlockChecker(ten)
+        assert [p.what for p in files(range(2, 3), lambda row: None).problems if p.episode > 9] == [
+            "is missing, as are others up to 11"
+        ]
+        generate(CONFIG, 12, ten, workers=1)
+        generate(CONFIG, 12, ten.with_name("whole.zarr"), workers=1)
+        assert_same_tree(ten, ten.with_name("whole.zarr"))
+
+
+def test_quarantined_episodes_are_tried_again_when_asked_to(
+    out: Path, fake: Callable[[Simulate], None]
+) -> None:
+    def breaks(world: World, spec: EpisodeSpec) -> Episode:
+        if spec.index in (1, 6):
+            raise ValueError("a bad day")
+        return pretend(world, spec)
+
+    fake(breaks)
+    generate(CONFIG, 10, out, workers=1)
+    assert generate(CONFIG, 10, out, workers=1).made == 0
+    fake(pretend)
+    made: list[Made] = []
+    again = generate(CONFIG, 10, out, 1, retry_quarantined=True, on_episode=made.append)
+    assert [one.index for one in made] == [1, 6]
+    assert (again.made, again.store.quarantined) == (2, 0)
+    generate(CONFIG, 10, out.with_name("whole.zarr"), workers=1)
+    assert_same_tree(out, out.with_name("whole.zarr"))
+
+
+def test_going_on_with_other_versions_is_warned_of(
+    out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    generate(CONFIG, 4, out, workers=1)
+    monkeypatch.setattr(factory, "changed_since", lambda facts: ["pybullet: 3.2.7, now 9.9.9"])
+    with pytest.warns(GraspFactoryWarning, match=r"begun elsewhere \(pybullet: 3\.2\.7, now 9"):
+        generate(CONFIG, 8, out, workers=1)
+    generate(CONFIG, 8, out, workers=1)  # nothing is made: nothing to warn of
 
 
 class TestARecipeThatCannotBeBuilt:

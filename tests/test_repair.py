@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -13,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import zarr
 from damage import (
     CONFIG,
     LABEL,
@@ -29,6 +32,7 @@ from damage import (
 from helpers import assert_same_tree, tree
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from test_isolation import SABOTAGE
 
 from grasp_factory.__main__ import main
 from grasp_factory.collecting import split
@@ -44,9 +48,11 @@ from grasp_factory.errors import (
 from grasp_factory.factory import generate
 from grasp_factory.rollout import run_episode
 from grasp_factory.summary import summarise
+from grasp_factory.trouble import GO_ON
 from grasp_factory.verifying import repair, verify
 from grasp_factory.writers import packing
 from grasp_factory.writers.lock import StoreLock
+from grasp_factory.writers.seals import set_rows
 
 PACKED = "packed/0-1.npz"
 
@@ -149,7 +155,7 @@ def test_everything_at_once_is_mended(store: Path, copy: Path) -> None:
 def test_a_whole_store_is_not_touched(
     store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp_factory.verifying.mending.run_episode", no_simulation)
+    monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)
     times = {file: file.stat().st_mtime_ns for file in copy.rglob("*")}
     result = repair(copy)
     assert result.is_whole
@@ -160,7 +166,7 @@ def test_a_whole_store_is_not_touched(
 def test_episodes_that_are_whole_are_not_simulated(
     store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp_factory.verifying.mending.run_episode", no_simulation)
+    monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)
     for name in ("episodes/status/0", "episodes/checksum/1", "episodes/array_crc32c/2.0"):
         delete(name)(copy)
     assert repair(copy).is_whole
@@ -201,6 +207,141 @@ def test_what_killed_runs_have_left_is_removed_and_nothing_else(store: Path, cop
     for mine in ("mine.txt", "mine.partial"):
         (copy / mine).unlink()
     assert_same_tree(store, copy)
+
+
+def documents(store: Path) -> list[Path]:
+    """Return the metadata of all arrays and groups of the rows."""
+    names = [file.relative_to(store) for file in store.rglob("zarr.json")]
+    return [
+        store / name for name in names if name.parts[0] not in ("zarr.json", "labels", "packed")
+    ]
+
+
+class TestTheNumberOfRows:
+    """It is in nothing but the arrays' metadata, where no seal holds it."""
+
+    def test_is_told_by_the_blocks_where_all_metadata_is_lost(
+        self, store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)
+        for file in documents(copy):
+            file.unlink()
+        assert verify(copy).episodes == N
+        assert repair(copy).is_whole
+        assert_same_tree(store, copy)
+
+    @pytest.mark.parametrize("rows", [0, 4, 9])
+    def test_is_never_below_what_the_blocks_hold(
+        self, store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, rows: int
+    ) -> None:
+        monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)
+        for file in documents(copy):
+            if "shape" in json.loads(file.read_bytes()):
+                set_rows(file, rows)
+        found = verify(copy)
+        assert found.episodes == N
+        assert f"[{rows}] rows, the store has {N}" in str(found.problems[0])
+        assert repair(copy).is_whole
+        assert_same_tree(store, copy)
+
+    def test_is_not_guessed(self, copy: Path, run: Any) -> None:
+        for file in documents(copy):
+            file.unlink()
+        for name in ("status", "checksum", "spec", "seed", "index"):
+            cut(f"episodes/{name}/2")(copy)
+        before = tree(copy)
+        code, out, err = run("repair", copy)
+        assert code == 1
+        assert "the number of rows cannot be told" in out + err
+        assert tree(copy) == before
+
+    def test_of_no_files_at_all_is_not_none(self, copy: Path) -> None:
+        shutil.copy(copy / "zarr.json", copy.parent / "root")
+        shutil.rmtree(copy)
+        copy.mkdir()
+        shutil.move(copy.parent / "root", copy / "zarr.json")
+        assert not verify(copy).is_whole
+        with pytest.raises(StoreError, match="there are no files of blocks"):
+            repair(copy)
+
+    def test_is_not_that_of_a_file_that_somebody_has_put_there(self, copy: Path) -> None:
+        shutil.copy(copy / "episodes/status/0", copy / "episodes/status/7")
+        assert verify(copy).episodes == N
+
+
+def quarantined(store: Path) -> tuple[int, int]:
+    """Return a row that is quarantined beside one that is not, and the number of its block."""
+    status = Dataset.open(store).column("status")
+    for i in range(N):
+        block = status[i // 4 * 4 : i // 4 * 4 + 4]
+        if status[i] == 2 and 1 in block:
+            return i, i // 4
+    raise AssertionError("no block has both")
+
+
+@pytest.mark.parametrize("is_marked", [True, False])
+def test_rows_beside_a_broken_quarantine_are_kept(
+    store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, *, is_marked: bool
+) -> None:
+    row, block = quarantined(store)
+    monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)  # not here: in a worker
+    monkeypatch.setattr(sys.modules["grasp_factory.verifying.repair"], "generate", no_simulation)
+    zarr.open_array(copy / "episodes/error", mode="r+")[row] = "another"
+    if not is_marked:
+        for name in ("status", "checksum"):
+            delete(f"episodes/{name}/{block}")(copy)
+    result = repair(copy)
+    status = Dataset.open(store).column("status")[block * 4 : block * 4 + 4]
+    lost = {block * 4 + k for k in range(len(status)) if status[k] == 2}
+    assert {made.episode for made in result.remade} == ({row} if is_marked else lost)
+    assert result.is_whole
+    assert_same_tree(store, copy)
+
+
+@pytest.mark.slow
+def test_a_recipe_that_kills_its_worker_is_quarantined_again(copy: Path, tmp_path: Path) -> None:
+    row, block = quarantined(copy)
+    file = copy / "episodes/error" / str(block)
+    file.write_bytes(file.read_bytes()[:-5])
+    place = tmp_path / "site"
+    place.mkdir()
+    deeds = f"if spec.index == {row}: os.kill(os.getpid(), signal.SIGKILL)"
+    (place / "sitecustomize.py").write_text(SABOTAGE.format(deeds=deeds))
+    subprocess.run(
+        [sys.executable, "-m", "grasp_factory", "repair", str(copy), "--workers", "1"],
+        env=os.environ | {"PYTHONPATH": f"{place}:{Path(__file__).parent.parent}"},
+        check=True,
+    )
+    assert Dataset.open(copy).column("error")[row] == "its worker was lost twice (SIGKILL)"
+
+
+@pytest.mark.parametrize("is_whole", [True, False])
+def test_what_a_killed_repair_has_left_is_removed(store: Path, copy: Path, is_whole: bool) -> None:
+    template = copy.with_name(f".{copy.name}.repairing")
+    for left in (template, template.with_name(f".{template.name}.creating")):
+        left.mkdir()
+        shutil.copy(copy / "zarr.json", left)
+    if not is_whole:
+        delete("streams/zarr.json")(copy)
+    assert repair(copy).is_whole
+    assert [file.name for file in copy.parent.iterdir() if "repairing" in file.name] == []
+    assert_same_tree(store, copy)
+
+
+def test_a_full_disk_is_said_with_what_stays(
+    copy: Path, monkeypatch: pytest.MonkeyPatch, run: Any
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("grasp_factory.verifying.template.Template.give_files", full)
+    delete("episodes/status/0")(copy)
+    before = tree(copy)
+    code, _, err = run("repair", copy, "--workers", 1)
+    assert code == 1
+    assert err == f"Error: {copy}: {os.strerror(errno.ENOSPC)}; {GO_ON}\n"
+    kept = {name: data for name, data in before.items() if not name.startswith("packed/")}
+    assert kept.items() <= tree(copy).items()  # segments are derived
 
 
 class TestTheRoot:
@@ -252,7 +393,7 @@ def test_it_is_said_when_an_episode_comes_out_otherwise(
         episode = run_episode(*args)
         return dataclasses.replace(episode, columns={**episode.columns, "grasp_score": 12.5})
 
-    monkeypatch.setattr("grasp_factory.verifying.mending.run_episode", other)
+    monkeypatch.setattr("grasp_factory.blocks.run_episode", other)
     delete("streams/phase/2.0")(copy)
     result = repair(copy)
     assert result.is_whole
@@ -261,13 +402,26 @@ def test_it_is_said_when_an_episode_comes_out_otherwise(
 
 
 class TestAnAddedLabel:
-    def test_without_thresholds_is_removed_with_advice(self, copy: Path) -> None:
+    def test_without_thresholds_stays_with_advice(self, copy: Path, run: Any) -> None:
         for part in ("", "outcome/", "success/"):
             empty(f"labels/{LABEL}/{part}zarr.json")(copy)
-        result = repair(copy)
-        assert result.is_whole
-        assert "relabel --name gentle" in result.failed[0]
-        assert Dataset.open(copy).labels == []
+        before = tree(copy)
+        code, out, _ = run("repair", copy)
+        assert code == 1
+        assert f"delete {copy / 'labels' / LABEL}, and run grasp-factory relabel" in out
+        assert tree(copy) == before
+
+    def test_is_made_again_beside_what_people_keep_there(self, store: Path, copy: Path) -> None:
+        notes = [copy / "labels" / name for name in (f"{LABEL}/notes.txt", "mine/notes.txt")]
+        for note in notes:
+            note.parent.mkdir(exist_ok=True)
+            note.write_text("x")
+        cut(f"labels/{LABEL}/outcome/c/0")(copy)
+        assert repair(copy).is_whole
+        assert [note.read_text() for note in notes] == ["x", "x"]
+        shutil.rmtree(notes[1].parent)
+        notes[0].unlink()
+        assert_same_tree(store, copy)
 
     def test_of_a_repair_that_was_killed_comes_back(self, store: Path, copy: Path) -> None:
         (copy / "labels" / LABEL).rename(copy / "labels" / f".{LABEL}.damaged")
@@ -292,6 +446,7 @@ class TestACollectedStore:
             "episodes/checksum/1",
             "episodes/array_crc32c/0.0",
             "streams/phase/zarr.json",
+            "episodes/status/0 episodes/checksum/0",
         ],
     )
     def test_is_mended_from_the_recipes_of_its_rows(
@@ -299,7 +454,8 @@ class TestACollectedStore:
     ) -> None:
         before = Path(shutil.copytree(collected, tmp_path / "before"))
         assert verify(collected).is_whole
-        delete(name)(collected)
+        for file in name.split():
+            delete(file)(collected)
         result = repair(collected)
         assert (result.is_whole, result.failed) == (True, ())
         assert_same_tree(before, collected)
@@ -330,6 +486,13 @@ def test_something_in_the_place_of_the_template_is_not_removed(copy: Path) -> No
     assert (place / "mine").exists()
 
 
+def files_of(store: Path) -> set[str]:
+    """Return the files of rows and their metadata that are whole, which none under .partial is."""
+    files = (file for file in store.rglob("*") if file.is_file() and file.suffix != ".partial")
+    names = {str(file.relative_to(store)) for file in files}
+    return {name for name in names if not name.startswith(("packed/", "labels/"))}
+
+
 KILLED = """
 import sys
 from grasp_factory.verifying import repair
@@ -345,8 +508,9 @@ def test_a_repair_that_is_killed_loses_nothing_and_can_be_run_again(
     killed_at_work = 0
     for number in range(8):
         copy = Path(shutil.copytree(store, tmp_path / f"store{number}"))
-        for name in ("streams/phase/0.0", "episodes/status/1", "imu/zarr.json"):
+        for name in ("streams/phase/0.0", "episodes/status/1", "episodes/error/1", "imu/zarr.json"):
             delete(name)(copy)
+        damaged = files_of(copy)
         process = subprocess.Popen([sys.executable, "-c", KILLED, str(copy)])
         template = copy.with_name(f".{copy.name}.repairing")
         while not template.exists() and process.poll() is None:
@@ -354,6 +518,9 @@ def test_a_repair_that_is_killed_loses_nothing_and_can_be_run_again(
         time.sleep(0.1 * number)
         process.send_signal(signal.SIGKILL)
         killed_at_work += process.wait() == -signal.SIGKILL
+        left = files_of(copy)
+        assert damaged <= left  # no file is gone, and each of them is what it was
+        assert all((copy / file).read_bytes() == (store / file).read_bytes() for file in left)
         assert repair(copy).is_whole
         packing.pack(copy)  # as many blocks to a segment as here, which the command does not do
         assert_same_tree(store, copy)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import json
 import os
 import signal
@@ -461,6 +463,34 @@ def test_a_killed_holder_leaves_the_store_free(tmp_path: Path, holder: Any) -> N
     who = f"process {holder.pid} on {socket.gethostname()}"
     with pytest.warns(StaleLockWarning, match=who), StoreLock(tmp_path / "out"):
         assert file.read_text() == f"{socket.gethostname()} {os.getpid()}\n"
+
+
+def test_a_lock_file_that_somebody_removed_lets_nobody_in(tmp_path: Path) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 4, {})
+    with StoreLock(tmp_path / "out") as lock:
+        lock.file.unlink()
+        with pytest.raises(StoreBusyError, match="is being written by another process"):
+            StoreLock(tmp_path / "out").__enter__()
+    with StoreLock(tmp_path / "out"):
+        pass
+
+
+def test_a_lock_file_of_zeros_is_what_a_power_cut_left(tmp_path: Path) -> None:
+    (tmp_path / ".out.grasp-factory.lock").write_bytes(bytes(12))
+    with StoreLock(tmp_path / "out"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_system_without_locks_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with pytest.raises(StoreError, match="cannot be locked: No locks available; on a file system"):
+        StoreLock(tmp_path / "out").__enter__()
 
 
 def test_the_lock_file_goes_with_the_lock_even_after_an_error(tmp_path: Path) -> None:

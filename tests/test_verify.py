@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 from damage import (
     CONFIG,
     LABEL,
+    SEGMENT_BLOCKS,
     Damage,
     N,
     change,
@@ -27,19 +31,23 @@ from damage import (
     swap,
 )
 from helpers import tree
+from numcodecs import zstd
+from zarr.codecs import GzipCodec
 
 from grasp_factory.__main__ import main
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
 from grasp_factory.episode import Episode
-from grasp_factory.errors import GraspFactoryError, StoreMismatchError, UsageError
+from grasp_factory.errors import GraspFactoryError, StoreError, StoreMismatchError, UsageError
 from grasp_factory.factory import generate
 from grasp_factory.finite import non_finite
 from grasp_factory.outcome import Outcome
 from grasp_factory.schema import FIELDS
-from grasp_factory.verifying import verification, verify
+from grasp_factory.verifying import repair, verification, verify
 from grasp_factory.verifying.deep import draw
-from grasp_factory.writers import packing
+from grasp_factory.verifying.problems import REPAIR
+from grasp_factory.writers import chunks, packing
+from grasp_factory.writers.added import added_labels
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.packed import FOLDER
 from grasp_factory.writers.store import prepare_store
@@ -224,6 +232,162 @@ def test_whole_blocks_that_are_swapped_are_found(copy: Path) -> None:
     problems = verify(copy).problems
     assert {problem.episode for problem in problems} == set(range(8))
     assert "episodes/index" in {problem.array for problem in problems}
+    assert {problem.advice for problem in problems} == {REPAIR}
+
+
+def rewrite(store: Path, paths: Iterable[str], **changed: Any) -> None:
+    """Write arrays anew as another program may: without shards, with gzip, also other values."""
+    root = zarr.open_group(store, mode="r+")
+    for path in paths:
+        old = root[path]
+        assert isinstance(old, zarr.Array)
+        values = old[:]
+        if path in changed:
+            values[0] = changed[path]
+        new = root.create_array(
+            path,
+            shape=old.shape,
+            chunks=old.chunks,
+            dtype=str if values.dtype.kind == "T" else old.dtype,
+            chunk_key_encoding={"name": "v2", "separator": "."},
+            compressors=[GzipCodec(level=1)],
+            fill_value=old.fill_value,
+            attributes=old.attrs.asdict(),
+            dimension_names=old.metadata.dimension_names,  # type: ignore[union-attr]
+            overwrite=True,
+            config={"write_empty_chunks": True},
+        )
+        new[:] = values
+
+
+class TestArraysThatAnotherProgramWroteAnew:
+    def test_are_noted_where_their_values_are_the_old_ones(
+        self, store: Path, copy: Path, run: Any
+    ) -> None:
+        rewrite(copy, every_array(copy))
+        shutil.rmtree(copy / FOLDER)
+        assert verify(copy).problems == ()
+        code, out, _ = run("verify", copy)
+        assert code == 0
+        assert "the values are those that were written" in out
+        assert "not the store's" not in out
+        before = tree(copy)
+        assert repair(copy).mended == ()
+        assert tree(copy) == before
+        assert all(same(*pair) for pair in zip(readings(copy), readings(store), strict=True))
+
+    @pytest.mark.parametrize(
+        ("path", "value"),
+        [("streams/phase", 1), ("episodes/policy", "x"), (f"labels/{LABEL}/outcome", 77)],
+    )
+    def test_are_a_problem_where_they_are_not(self, copy: Path, path: str, value: Any) -> None:
+        rewrite(copy, [path], **{path: value})
+        assert path in {problem.array for problem in verify(copy).problems}
+
+    def test_stay_as_they_are_when_rows_are_broken(self, copy: Path) -> None:
+        rewrite(copy, ["episodes/policy"])
+        delete("streams/phase/0.0")(copy)
+        before = tree(copy)
+        repaired = repair(copy)
+        assert "grasp-factory split" in repaired.failed[0]
+        assert not repaired.is_whole
+        assert tree(copy) == before
+
+    def test_with_chunks_under_other_names_are_a_problem(self, copy: Path) -> None:
+        file = copy / "streams/phase/zarr.json"
+        document = json.loads(file.read_text())
+        document["chunk_key_encoding"] = {"name": "default", "configuration": {"separator": "/"}}
+        file.write_text(json.dumps(document))
+        assert {problem.array for problem in verify(copy).problems} == {"streams/phase"}
+
+
+def every_array(store: Path) -> list[str]:
+    """Return the paths of all arrays of a store but the packed columns."""
+    members = zarr.open_group(store, mode="r").members(max_depth=None)
+    return [path for path, node in members if isinstance(node, zarr.Array) and path != FOLDER]
+
+
+def replaced(name: str, make: Any) -> Damage:
+    """Return what puts something else in the place of a file or folder."""
+
+    def damage(store: Path) -> None:
+        place = store / name
+        shutil.rmtree(place) if place.is_dir() else place.unlink()
+        make(place)
+
+    return damage
+
+
+WRONG = {
+    "streams/phase/0.0": os.mkfifo,
+    "episodes/policy/0": os.mkfifo,
+    "cameras/zarr.json": os.mkfifo,
+    "streams/reward/0.0": Path.mkdir,
+    "episodes/split/0": Path.mkdir,
+    "streams/zarr.json": Path.mkdir,
+    "imu": Path.touch,
+    "streams/shake_level": Path.touch,
+}
+
+
+def test_pipes_and_folders_for_files_are_named_and_mended(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
+    truth = tree(copy)
+    for name, make in WRONG.items():
+        replaced(name, make)(copy)
+    arrays = {problem.array for problem in verify(copy).problems}
+    assert arrays >= {name if make == Path.touch else str(Path(name).parent)
+                      for name, make in WRONG.items()}  # fmt: skip
+    for _ in readings(copy):
+        pass  # nothing hangs, and no error but ours passes
+    repair(copy)
+    assert tree(copy) == truth
+
+
+@pytest.mark.parametrize("name", [f"labels/{LABEL}/outcome/c/0", "packed/0-1.npz"])
+def test_a_pipe_beside_the_rows_is_named(copy: Path, name: str) -> None:
+    replaced(name, os.mkfifo)(copy)
+    array = name if name.startswith(FOLDER) else f"labels/{LABEL}/outcome"
+    assert array in {problem.array for problem in verify(copy).problems}
+
+
+def test_a_folder_with_a_persons_files_is_not_removed(copy: Path) -> None:
+    replaced("streams/phase/0.0", Path.mkdir)(copy)
+    notes = copy / "streams/phase/0.0/notes.txt"
+    notes.write_text("x")
+    with pytest.raises(StoreError, match=r"notes\.txt is in the way"):
+        repair(copy)
+    assert notes.read_text() == "x"
+
+
+def test_what_people_keep_among_the_labels_is_noted(copy: Path) -> None:
+    (copy / "labels/notes").mkdir()
+    (copy / "labels/notes/a.txt").write_text("x")
+    (copy / "labels/__pycache__").mkdir()
+    zarr.open_group(copy, mode="r+").create_array("labels/mine", shape=(3,), dtype="i4")
+    report = verify(copy)
+    assert report.problems == ()
+    (note,) = report.notes
+    assert note.startswith("labels: '__pycache__', 'mine', 'notes': not the store's")
+    assert added_labels(copy) == [LABEL]
+
+
+def test_a_damaged_label_is_named_by_readers_in_words(copy: Path, run: Any) -> None:
+    delete(f"labels/{LABEL}/outcome/zarr.json")(copy)
+    code, _, err = run("info", copy)
+    assert code == 1
+    assert f"array labels/{LABEL}/outcome: zarr.json is missing" in err
+
+
+def test_a_chunk_that_stands_for_gigabytes_is_refused(copy: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chunks, "MOST_BYTES_OF_A_WORD", 2**14)
+        bomb = zstd.compress(bytes(CONFIG.block_size * 2**14 + 1), 1)
+        (copy / "episodes/policy/1").write_bytes(bomb)
+        problems = verify(copy).problems
+    assert [p.episode for p in problems if "valid: up to 65536" in p.what] == [4, 5, 6, 7]
 
 
 class TestTheRoot:

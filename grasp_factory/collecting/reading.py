@@ -12,6 +12,7 @@ from grasp_factory.episode import Episode, EpisodeSpec, checksum
 from grasp_factory.errors import StoreError
 from grasp_factory.rows import Row, assemble, read_rows
 from grasp_factory.writers.base import Quarantined
+from grasp_factory.writers.columns import check_lengths
 from grasp_factory.writers.header import open_store
 from grasp_factory.writers.stored import open_arrays
 from grasp_factory.writers.zarr import COMMITTED, QUARANTINED
@@ -45,6 +46,10 @@ class RowReader:
         root, self.config = open_store(path, mode="r")
         self._fields = {row.path: row for row in schema.expand(self.config)}
         self._arrays = open_arrays(root, path, self._fields, set(self._fields))
+        try:
+            check_lengths(path, self._arrays)
+        except StoreError as error:
+            raise StoreError(f"{error}; {mending(path)}") from None
         self.joints: int = self._arrays["streams/joint_positions"].zarr.shape[-1]
 
     def read(self, start: int, stop: int) -> Iterator[StoredRow]:

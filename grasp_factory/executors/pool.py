@@ -152,6 +152,8 @@ class _Worker:
 
     def stop(self) -> None:
         """End the process: between jobs there is nothing to lose, within one it is done again."""
+        if not self.heard:  # it is starting, and would not hear
+            self.process.kill()
         self.process.terminate()
         self.process.join(timeout=3.0)  # time to tidy its temporary files
         self.process.kill()
@@ -164,8 +166,8 @@ class _Worker:
     def _check_guard(self) -> None:
         if not self.heard and self.process.exitcode == 1:
             raise WorkerError(
-                "a worker ended (exit code 1) before it began: a script that calls generate() with"
-                ' several workers does so under `if __name__ == "__main__":`'
+                "a worker ended (exit code 1) before it began: see above why; a script that calls"
+                ' generate() with several workers does so under `if __name__ == "__main__":`'
             )
 
     def _cause(self) -> str:
@@ -217,8 +219,8 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _no_interrupt() -> Iterator[None]:
-    """Hold SIGINT back for a while; a child started meanwhile never sees Ctrl-C."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Hold signals back for a while; a child started meanwhile never sees Ctrl-C."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:

@@ -18,7 +18,8 @@ from grasp_factory.outcome import Outcome
 from grasp_factory.verifying.documents import FILE, is_empty_group, read_document
 from grasp_factory.verifying.pieces import Pieces
 from grasp_factory.verifying.problems import Problem
-from grasp_factory.writers.added import LABEL_COLUMNS
+from grasp_factory.verifying.rewritten import is_recoded
+from grasp_factory.writers.added import LABEL_COLUMNS, added_labels, is_label
 from grasp_factory.writers.aside import PARTIAL
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.header import open_array, open_store, read_array
@@ -32,6 +33,7 @@ LABELS = "labels"
 CREATING = ".creating"
 """Ends the name of the folder of a label that is being made."""
 _OWN_PARTIAL = re.compile(r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz)" + re.escape(PARTIAL))
+_CHUNK = re.compile(r"[0-9]+(\.[0-9]+)*")
 _NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")
 
 
@@ -43,7 +45,7 @@ def object_problems(pieces: Pieces) -> Iterator[Problem]:
     for name in names:
         array = f"{GROUP}/{name}"
         document, fault = read_document(pieces.path / array / FILE)
-        if not fault:
+        if not fault or is_recoded(document):
             fault = _archive_fault(pieces.path, name, document)
         if fault:
             yield _problem(array, fault)
@@ -54,12 +56,12 @@ def label_problems(pieces: Pieces) -> Iterator[Problem]:
     path = pieces.path
     if not (path / LABELS).is_dir():
         return
+    names = [name for name in sorted(os.listdir(path / LABELS)) if is_label(path, name)]
     document, fault = read_document(path / LABELS / FILE)
-    if fault and not is_empty_group(document):
+    if fault and names and not is_empty_group(document):
         yield _problem(LABELS, fault)
-    for folder in sorted((path / LABELS).iterdir()):
-        if folder.is_dir() and not folder.name.startswith("."):
-            yield from label_faults(path, folder.name)
+    for name in names:
+        yield from label_faults(path, name)
 
 
 def label_faults(path: Path, name: str) -> Iterator[Problem]:
@@ -68,20 +70,28 @@ def label_faults(path: Path, name: str) -> Iterator[Problem]:
     for part in ("", *LABEL_COLUMNS):
         array = f"{LABELS}/{name}/{part}".rstrip("/")
         document, fault = read_document(path / array / FILE)
-        if part and not fault:
+        if part and (not fault or is_recoded(document)):
             try:
                 values[part] = read_array(open_array(open_store(path, mode="r")[0], array))
+                fault = _values_fault(values[part], document)
             except StoreError as error:
                 fault = str(error)
-            else:
-                if values_digest(values[part]) != document["attributes"].get(VALUES_SEAL):
-                    fault = "does not match its checksum"
         if fault:
             yield _problem(array, fault)
     if len(values) == len(LABEL_COLUMNS):
         outcome, success = (values[column] for column in LABEL_COLUMNS)
         if not np.array_equal(outcome == Outcome.SUCCESS, success):
             yield _problem(f"{LABELS}/{name}", "success and outcome do not agree")
+
+
+def recoded(pieces: Pieces) -> Iterator[str]:
+    """Give the path of each array beside the rows that another program has written anew."""
+    labels = added_labels(pieces.path)
+    arrays = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
+    for array in [*arrays, *(f"{GROUP}/{name}" for name in pieces.config.object_folders)]:
+        document, fault = read_document(pieces.path / array / FILE)
+        if fault and is_recoded(document):
+            yield array
 
 
 def packed_problems(pieces: Pieces, broken: Set[int]) -> Iterator[Problem]:
@@ -105,7 +115,7 @@ def packed_problems(pieces: Pieces, broken: Set[int]) -> Iterator[Problem]:
     there = columns.blocks()
     for segment in segments(path):
         if segment.is_in(there) and broken.isdisjoint(segment.blocks):
-            if fault := _segment_fault(segment, columns):
+            if fault := _segment_fault(segment, columns, pieces):
                 yield _problem(f"{FOLDER}/{segment.file.name}", fault)
 
 
@@ -141,12 +151,16 @@ def leftovers(path: Path) -> list[Path]:
 
 
 def _leftovers(path: Path) -> Iterator[str]:
-    """Give a note for what killed runs have left beside the rows."""
+    """Give a note for what killed runs have left beside the rows, and people among labels."""
     for folder in (LABELS, FOLDER, GROUP):
-        if (path / folder).is_dir():
-            found = [file.name for file in (path / folder).iterdir() if _is_left(file.name)]
-            if found:
-                yield _note(folder, found)
+        names = os.listdir(path / folder) if (path / folder).is_dir() else []
+        left = [name for name in names if _is_left(name)]
+        strange = [
+            name
+            for name in names
+            if folder == LABELS and name not in (FILE, *left) and not is_label(path, name)
+        ]
+        yield from (_note(folder, found) for found in (left, strange) if found)
 
 
 def _is_left(name: str) -> bool:
@@ -157,6 +171,8 @@ def _is_own(file: str, folder: str, pieces: Pieces) -> bool:
     if file == FILE:
         return True
     field, match = pieces.fields.get(folder), _NUMBER.fullmatch(file)
+    if folder in pieces.rewritten:  # with chunks of any shape
+        return bool(_CHUNK.fullmatch(file))
     if field is None or match is None:
         return False
     most = pieces.rows if field.is_video else pieces.blocks
@@ -176,11 +192,15 @@ def _archive_fault(path: Path, name: str, document: Any) -> str:
         archive = read_objects(path, name) or b""
     except StoreError as error:
         return str(error)
-    same = values_digest(np.frombuffer(archive, np.uint8)) == document["attributes"][VALUES_SEAL]
-    return "" if same else "does not match its checksum"
+    return _values_fault(np.frombuffer(archive, np.uint8), document)
 
 
-def _segment_fault(segment: Segment, columns: Columns) -> str:
+def _values_fault(values: NDArray[Any], document: Any) -> str:
+    is_same = values_digest(values) == document["attributes"].get(VALUES_SEAL)
+    return "" if is_same else "does not match its checksum"
+
+
+def _segment_fault(segment: Segment, columns: Columns, pieces: Pieces) -> str:
     names = [name for name in columns.names if name not in NOT_PACKED]
     paths = [f"episodes/{name}" for name in names]
     packed = segment.read([*paths, BYTES])
@@ -194,7 +214,7 @@ def _segment_fault(segment: Segment, columns: Columns) -> str:
             continue  # a problem of the block's own
         if not _is_same(packed[path], values):
             return f"its {name} is not that of the blocks"
-    if int(packed[BYTES]) != bytes_of_blocks(columns, segment.blocks):
+    if not pieces.rewritten and int(packed[BYTES]) != bytes_of_blocks(columns, segment.blocks):
         return "counts other bytes than the blocks have"
     return ""
 

@@ -26,11 +26,11 @@ from grasp_factory.verifying.contents import (
 )
 from grasp_factory.verifying.invariants import faults
 from grasp_factory.verifying.pieces import Pieces, open_pieces
-from grasp_factory.verifying.problems import GENERATE, Problem
+from grasp_factory.verifying.problems import GENERATE, REPAIR, Problem
+from grasp_factory.writers.aside import aside
 from grasp_factory.writers.layout import block_files
+from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
 
-MISSING, COMMITTED, QUARANTINED = range(3)
-"""Values of the column ``status``."""
 UNKNOWN = -1
 MAKER = "this version of grasp-factory wrote it so, or another program: make the episode again"
 """Advice for what matches its checksum and cannot be true."""
@@ -73,7 +73,8 @@ class BlockChecker:
 
     def _check(self, block: int, findings: Findings) -> None:
         pieces, numbers = self._pieces, self._pieces.rows_of(block)
-        if not block_files(pieces.path, schema.STATUS, block, numbers)[0].exists():
+        marker = block_files(pieces.path, schema.STATUS, block, numbers)[0]
+        if not marker.exists():
             # What is left of its other files is not content: the block was never finished.
             findings.missing += len(numbers)
             findings.problems.append(_missing(list(numbers)))
@@ -86,7 +87,9 @@ class BlockChecker:
             findings.committed += status == COMMITTED
             findings.quarantined += status == QUARANTINED
             findings.missing += status == MISSING
-            findings.problems += row_problems(row, status, pieces, i)
+            # A block that is being grown has values already of rows that its marker does not name.
+            if status != MISSING or not aside(marker).exists():
+                findings.problems += row_problems(row, status, pieces, i)
             missing += [i] if status == MISSING else []
         if missing:
             findings.problems.append(_missing(missing))
@@ -121,9 +124,11 @@ def _committed_problems(row: Row, pieces: Pieces, i: int) -> Iterator[Problem]:
     yield from padding_problems(row, padded(row, pieces), pieces, i)
     if not is_complete(contents, pieces):
         return
+    index, seed = (int(contents[f"episodes/{name}"]) for name in ("index", "seed"))
+    is_moved = not pieces.is_collected and (index, seed) != (i, pieces.config.seed)
     try:
         for array, what in faults(contents, pieces, i):
-            yield Problem(episode=i, array=array, what=what, advice=MAKER)
+            yield Problem(episode=i, array=array, what=what, advice=REPAIR if is_moved else MAKER)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         what = f"cannot be checked: {type(error).__name__}: {error}"
         yield Problem(episode=i, array="episodes/spec", what=what, advice=MAKER)

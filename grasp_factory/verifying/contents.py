@@ -36,7 +36,8 @@ def read_block(pieces: Pieces, block: int) -> tuple[list[Row], list[Problem]]:
     for path, array in pieces.arrays.items():
         field = pieces.fields[path]
         file = block_files(pieces.path, field, block, rows)[0]
-        if not field.is_video and not file.exists():  # also one of nothing but fill is written
+        has_own_files = not field.is_video and path not in pieces.rewritten
+        if has_own_files and not file.exists():  # also one of nothing but fill is written
             what = f"file {file.name} is missing, which has rows {rows[0]} to {rows[-1]}"
             problems.append(_problem(rows[0], path, what))
             continue
@@ -148,7 +149,7 @@ def behind_problems(pieces: Pieces, block: int) -> list[Problem]:
     stop = rows.start + pieces.config.block_size
     for path, array in pieces.arrays.items():
         field = pieces.fields[path]
-        if rows.stop == stop or field.is_video:
+        if rows.stop == stop or field.is_video or path in pieces.rewritten:
             continue
         with contextlib.suppress(StoreError):  # a problem of the rows already
             values = np.array([fixed(value) for value in array.read(rows.stop, stop)])

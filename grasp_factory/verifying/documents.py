@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 from grasp_factory import __version__, schema
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, shown
-from grasp_factory.records import is_integer
+from grasp_factory.verifying.length import rows_of
 from grasp_factory.verifying.problems import Problem
 from grasp_factory.writers import layout
 from grasp_factory.writers.header import first_line, read_attributes
@@ -27,6 +26,8 @@ COPY_ROOT = (
 
 def read_document(file: Path) -> tuple[Any, str]:
     """Return a ``zarr.json``, parsed, and what is wrong with it; None if it cannot be parsed."""
+    if file.exists() and not file.is_file():
+        return None, f"{FILE} is no file"
     try:
         document = json.loads(file.read_bytes())
     except FileNotFoundError:
@@ -98,23 +99,16 @@ def group_faults(path: Path, config: FactoryConfig) -> Iterator[tuple[str, str]]
             yield name, fault
 
 
-def most_rows(documents: Mapping[str, Any]) -> int:
-    """Return the number of rows that most arrays have, by their ``zarr.json``; 0 without any."""
-    counts = Counter(rows for rows in map(_rows, documents.values()) if rows is not None)
-    return counts.most_common(1)[0][0] if counts else 0
-
-
-def length_problems(documents: Mapping[str, Any]) -> list[Problem]:
-    """Return a problem for each array whose ``zarr.json`` has another number of rows than most."""
-    most = most_rows(documents)
+def length_problems(documents: Mapping[str, Any], rows: int) -> list[Problem]:
+    """Return a problem for each array whose ``zarr.json`` has another number of rows."""
     return [
         Problem(
             episode=None,
             array=name,
-            what=f"{shown(document['shape'][:1])} rows, the other arrays have {most}",
+            what=f"{shown(document.get('shape', [])[:1])} rows, the store has {rows}",
         )
         for name, document in documents.items()
-        if _rows(document) != most
+        if rows_of(document) != rows
     ]
 
 
@@ -131,12 +125,6 @@ def _is_of(document: Any, row: schema.Field, config: FactoryConfig) -> bool:
         attributes == layout.attributes(row, config)
         and document["dimension_names"] == layout.dimension_names(row)
     )
-
-
-def _rows(document: Any) -> int | None:
-    """Return an array's number of rows, which the seal leaves out, so it may be anything."""
-    shape = document["shape"]
-    return shape[0] if shape and is_integer(shape[0]) and shape[0] >= 0 else None
 
 
 def _has_seal(document: Any) -> bool:

@@ -11,8 +11,10 @@ from grasp_factory import schema
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import StoreError
 from grasp_factory.schema import Field
-from grasp_factory.verifying.documents import array_documents, length_problems, most_rows
+from grasp_factory.verifying.documents import array_documents, length_problems
+from grasp_factory.verifying.length import most_rows, number_of_rows
 from grasp_factory.verifying.problems import Problem
+from grasp_factory.verifying.rewritten import is_rewritten
 from grasp_factory.writers.header import SOURCES, open_array, open_store
 from grasp_factory.writers.stored import StoredArray, stored
 
@@ -27,7 +29,8 @@ class Pieces:
         attributes: the root's.
         rows: of every array.
         fields: by path; those that the store has, damaged or not.
-        arrays: by path; those whose metadata is as it was written.
+        arrays: by path; those whose metadata is as it was written, and those of ``rewritten``.
+        rewritten: paths of arrays that another program may have written anew; their rows tell.
     """
 
     path: Path
@@ -36,6 +39,7 @@ class Pieces:
     rows: int
     fields: Mapping[str, Field]
     arrays: Mapping[str, StoredArray]
+    rewritten: frozenset[str]
 
     @property
     def is_collected(self) -> bool:
@@ -75,13 +79,19 @@ def open_pieces(path: Path) -> tuple[Pieces, list[Problem]]:
     problems: list[Problem] = []
     whole: dict[str, Any] = {}
     known: dict[str, Field] = {}
-    for name, document, fault in array_documents(path, config):
+    rewritten: set[str] = set()
+    found = list(array_documents(path, config))
+    for name, document, fault in found:
         known[name] = fields[name]
-        if fault:
-            problems.append(Problem(episode=None, array=name, what=fault))
-        else:
+        if not fault or is_rewritten(document, fields[name], config):
             whole[name] = document
-    short = length_problems(whole)
+            rewritten |= {name} if fault else set()
+        else:
+            problems.append(Problem(episode=None, array=name, what=fault))
+    told = most_rows(whole.values())
+    told = most_rows(document for _, document, _ in found) if told is None else told
+    rows = number_of_rows(path, config, known, told)
+    short = length_problems(whole, rows)
     problems += short
     arrays = {}
     for name in sorted(set(whole) - {problem.array for problem in short}):
@@ -93,8 +103,9 @@ def open_pieces(path: Path) -> tuple[Pieces, list[Problem]]:
         path=path,
         config=config,
         attributes=root.attrs.asdict(),
-        rows=most_rows(whole),
+        rows=rows,
         fields=known,
         arrays=arrays,
+        rewritten=frozenset(rewritten & set(arrays)),
     )
     return pieces, problems

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import shutil
 from collections.abc import Callable
@@ -9,16 +10,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.factory import generate
+from grasp_factory.factory import generate, saying_how_to_go_on
 from grasp_factory.records import from_plain
 from grasp_factory.relabel import relabel
 from grasp_factory.sections import LabelConfig
 from grasp_factory.verifying.beside import LABELS, leftovers, thresholds_of
+from grasp_factory.verifying.documents import FILE
 from grasp_factory.verifying.mending import Remade, checksums
 from grasp_factory.verifying.pieces import open_pieces
 from grasp_factory.verifying.problems import Problem, Report
 from grasp_factory.verifying.surgery import Surgery
+from grasp_factory.verifying.template import remove_template, template_place
 from grasp_factory.verifying.verification import verify
+from grasp_factory.writers.added import LABEL_COLUMNS
 from grasp_factory.writers.lock import StoreLock
 from grasp_factory.writers.packing import pack
 
@@ -54,12 +58,12 @@ def repair(
 ) -> Repaired:
     """Make again what is damaged or missing in the store at ``path``; what is whole stays.
 
-    A repair that is killed leaves no row worse than it was: run it again. With more than one
-    worker, call it under ``if __name__ == "__main__":``.
+    A repair that is killed leaves no row worse than it was: run it again. A recipe that may end its
+    process is simulated in another one: call it under ``if __name__ == "__main__":``.
 
     Args:
         path: the store.
-        workers: processes.
+        workers: processes; with 1 most work is done in this one.
         on_start: called with the number of rows before each time they are verified.
         on_episode: called with the number of each row that is verified or simulated.
 
@@ -67,8 +71,17 @@ def repair(
         UsageError: if there is no store.
         StoreError: if another process is writing to it, or the disk fails.
     """
-    path = Path(path)
-    _put_back_labels(path)
+    with saying_how_to_go_on(Path(path)):
+        return _repair(Path(path), workers, on_start, on_episode)
+
+
+def _repair(
+    path: Path,
+    workers: int,
+    on_start: Callable[[int], None],
+    on_episode: Callable[[int], None],
+) -> Repaired:
+    _tidy(path)
     before = verify(path, workers=workers, on_start=on_start, on_episode=on_episode)
     if before.is_whole and not leftovers(path):
         return Repaired(before=before, after=before, mended=(), failed=(), remade=())
@@ -113,15 +126,13 @@ def _generated(
             on_episode=lambda made: on_episode(made.index),
         )
     except GraspFactoryError as error:
-        surgery.failed.append(f"{len(surgery.to_generate)} rows cannot be made again: {error}")
+        surgery.failed.append(f"{len(surgery.to_generate)} blocks cannot be made again: {error}")
         return []
     pieces = open_pieces(path)[0]
-    after = {
-        row: text for block in surgery.blocks for row, text in checksums(pieces, block).items()
-    }
     return [
-        Remade(episode=row, before=before, after=after[row])
-        for row, before in surgery.to_generate.items()
+        Remade(episode=row, before="", after=after)
+        for block in surgery.to_generate
+        for row, after in checksums(pieces, block).items()
     ]
 
 
@@ -132,34 +143,46 @@ def _labels_of(problems: tuple[Problem, ...]) -> set[str]:
 
 
 def _relabel(path: Path, name: str, surgery: Surgery) -> None:
-    """Make an added label again from its thresholds; without any, remove it."""
+    """Make an added label again from its thresholds; without any, leave it."""
     folder = path / LABELS / name
-    kept = folder.with_name(f".{name}{DAMAGED}")
     thresholds = thresholds_of(path, name)
-    os.replace(folder, kept)
     if thresholds is None:
-        shutil.rmtree(kept)
         surgery.failed.append(
-            f"{LABELS}/{name} is removed, its thresholds are lost: make it again with grasp-factory"
-            f" relabel --name {name}"
+            f"{LABELS}/{name} cannot be made again, its thresholds are lost: delete {folder}, and"
+            f" run grasp-factory relabel --name {name}"
         )
         return
+    damaged = folder.with_name(f".{name}{DAMAGED}")
+    os.replace(folder, damaged)
     try:
         relabel(path, name, from_plain(LabelConfig, thresholds))
     except GraspFactoryError as error:
-        os.replace(kept, folder)
         surgery.failed.append(f"{LABELS}/{name} cannot be made again: {error}")
+    else:
+        surgery.mended.append(f"{LABELS}/{name} is derived again from its thresholds")
+    finally:
+        _settle(damaged)
+
+
+def _settle(damaged: Path) -> None:
+    """Put a damaged label back, or, where it was made again, remove all of it that is ours."""
+    folder = damaged.with_name(damaged.name.removesuffix(DAMAGED)[1:])
+    if not folder.exists():
+        os.replace(damaged, folder)
         return
-    shutil.rmtree(kept)
-    surgery.mended.append(f"{LABELS}/{name} is derived again from its thresholds")
+    for piece in list(damaged.iterdir()):
+        if piece.name not in (FILE, *LABEL_COLUMNS):
+            os.replace(piece, folder / piece.name)
+    shutil.rmtree(damaged)
 
 
-def _put_back_labels(path: Path) -> None:
-    """Put back the labels that a killed repair had begun to make again."""
-    for kept in sorted((path / LABELS).glob(f".*{DAMAGED}")):
-        with StoreLock(path):
-            folder = kept.with_name(kept.name.removesuffix(DAMAGED)[1:])
-            if folder.exists():
-                shutil.rmtree(kept)
-            else:
-                os.replace(kept, folder)
+def _tidy(path: Path) -> None:
+    """Remove or put back what a killed repair has left."""
+    template = template_place(path)
+    labels = sorted((path / LABELS).glob(f".*{DAMAGED}"))
+    if not (labels or any(template.parent.glob(f".*{glob.escape(template.name)}*"))):
+        return
+    with StoreLock(path):
+        remove_template(template)
+        for damaged in labels:
+            _settle(damaged)

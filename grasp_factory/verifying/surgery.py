@@ -8,10 +8,14 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from grasp_factory import carried, schema
+from grasp_factory import __version__, carried
+from grasp_factory.blocks import Begun, BlockJob, Made
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, GraspFactoryError
+from grasp_factory.executors import Executor, ProcessExecutor
 from grasp_factory.factory import check_names
+from grasp_factory.losses import Losses
+from grasp_factory.request import EPISODE_TIMEOUT_S
 from grasp_factory.verifying.beside import LABELS, leftovers
 from grasp_factory.verifying.documents import COPY_ROOT, FILE, has_config, read_document
 from grasp_factory.verifying.mending import (
@@ -19,7 +23,6 @@ from grasp_factory.verifying.mending import (
     Mended,
     Remade,
     files_of,
-    remove_marker,
 )
 from grasp_factory.verifying.pieces import Pieces, open_pieces
 from grasp_factory.verifying.problems import Problem, Report
@@ -27,7 +30,6 @@ from grasp_factory.verifying.template import Template
 from grasp_factory.verifying.verification import check_blocks, executor_for
 from grasp_factory.writers.files import fsync
 from grasp_factory.writers.header import SOURCES, root_attributes
-from grasp_factory.writers.layout import block_files
 from grasp_factory.writers.objects import GROUP
 from grasp_factory.writers.packed import FOLDER, segments, unpack_block
 from grasp_factory.writers.seals import SEAL
@@ -43,8 +45,7 @@ class Surgery:
         mended: what was made again or removed, one line each.
         failed: what could not be, and why.
         remade: episodes that were simulated again.
-        to_generate: rows that the factory has to make, with the checksums that they had.
-        blocks: those of these rows.
+        to_generate: blocks that the factory has to make.
     """
 
     def __init__(self, path: Path, workers: int, on_episode: Callable[[int], None]) -> None:
@@ -52,8 +53,7 @@ class Surgery:
         self.mended: list[str] = []
         self.failed: list[str] = []
         self.remade: list[Remade] = []
-        self.to_generate: dict[int, str] = {}
-        self.blocks: list[int] = []
+        self.to_generate: list[int] = []
 
     def run(self, found: Report) -> bool:
         """Mend what was found, but for rows that the factory has to make, and added labels.
@@ -82,6 +82,11 @@ class Surgery:
                 problems = tuple(checked.problems)
             size = pieces.config.block_size
             broken = {p.episode // size for p in problems if p.episode is not None}
+            if broken and pieces.rewritten:  # blocks are made in the layout that arrays had
+                what = f"another program has written {min(pieces.rewritten)} anew"
+                how = "take what is whole into a new store with grasp-factory split"
+                self.failed.append(f"rows stay as they are, for {what}: {how}")
+                return True
             self._mend_blocks(template, pieces, sorted(broken))
         return True
 
@@ -118,15 +123,21 @@ class Surgery:
 
     def _mend_documents(self, template: Template, pieces: Pieces, damaged: Iterable[str]) -> bool:
         """Make metadata and users' objects again; return whether any array's has changed."""
-        other = template.differs(pieces.arrays)
+        why = ""
+        if other := template.differs(pieces.arrays):
+            why = f"{FILE} of {other}, which is whole, is not as this version writes it"
+        elif not pieces.arrays:
+            self.mended.append(f"the store has {pieces.rows} rows, as far as its files tell")
+            made_by = pieces.attributes["versions"].get("grasp_factory")
+            if made_by != __version__:
+                why = f"version {made_by} made the store, and no other array's is left to compare"
         has_changed = False
         for name in damaged:
             if name == LABELS:
                 template.give_empty_group(name)
             elif name.split("/")[0] in (LABELS, FOLDER):
                 continue
-            elif other:
-                why = f"{FILE} of {other}, which is whole, is not as this version writes it"
+            elif why:
                 self.failed.append(f"{name}/{FILE} cannot be made again here: {why}")
                 continue
             elif not (template.path / name / FILE).exists():
@@ -159,37 +170,56 @@ class Surgery:
             self.mended.append(f"{name} is removed: a run that was killed had left it")
 
     def _mend_blocks(self, template: Template, pieces: Pieces, blocks: list[int]) -> None:
-        """Keep what is whole of these blocks, make the rest again, or leave it to the factory."""
-        begun = [block for block in blocks if _is_begun(pieces, block)]
-        for block in sorted(set(blocks) - set(begun)):
-            self._leave(pieces, Mended(block=block, lost=tuple(pieces.rows_of(block))))
+        """Keep what is whole of these blocks, and make the rest again.
 
-        def hear(message: int | Mended) -> None:
+        Those of which there is no file are left to the factory.
+        """
+        losses = Losses(pieces.config.block_size, EPISODE_TIMEOUT_S, self.mended.append)
+        begun = [BlockJob(block=block) for block in blocks if _is_begun(pieces, block)]
+        absent = sorted(set(blocks) - {job.block for job in begun})
+        if pieces.is_collected:  # whose rows the factory does not know
+            self._lose(row for block in absent for row in pieces.rows_of(block))
+        else:
+            self.to_generate = absent
+        risky: list[BlockJob] = []
+
+        def hear(message: Begun | Made | Mended) -> None:
             if not isinstance(message, Mended):
-                self._on_episode(message)
+                made = losses.news(message)
+                if made:
+                    self._on_episode(made.index)
             elif message.lost:
-                self._leave(pieces, message)
-            else:  # put in its place at once: the template shall not grow
-                unpack_block(self._path, message.block)
-                template.give_files(files_of(template.path, pieces, message.block))
-                self.remade += message.remade
-                rows = pieces.rows_of(message.block)
-                self.mended.append(f"rows {rows[0]} to {rows[-1]} are whole again")
+                self._lose(message.lost)
+            elif message.is_risky:
+                risky.append(BlockJob(block=message.block))
+            else:
+                self._put_in_place(template, pieces, message)
 
-        executor = executor_for(self._workers, len(begun), few=FEW)
-        with contextlib.closing(BlockMender(self._path, template.path)) as mender:
-            executor.run(mender, begun, hear)
+        def run(executor: Executor, jobs: list[BlockJob]) -> None:
+            isolated = isinstance(executor, ProcessExecutor)
+            mender = BlockMender(self._path, template.path, isolated=isolated)
+            with contextlib.closing(mender):
+                executor.run(mender, jobs, hear, losses.recover, losses.silence)
 
-    def _leave(self, pieces: Pieces, block: Mended) -> None:
-        """Leave a block to the factory, which does not know those of collected stores."""
-        if pieces.is_collected:
+        run(executor_for(self._workers, len(begun), few=FEW), begun)
+        if risky:
+            run(ProcessExecutor(min(self._workers, len(risky))), risky)
+
+    def _put_in_place(self, template: Template, pieces: Pieces, made: Mended) -> None:
+        """Move a block that is complete to its place, at once: the template shall not grow."""
+        unpack_block(self._path, made.block)
+        files = files_of(template.path, pieces, made.block)
+        others = {template.path / name for name in pieces.rewritten}  # not written as ours are
+        template.give_files(file for file in files if file.parent not in others)
+        self.remade += made.remade
+        rows = pieces.rows_of(made.block)
+        self.mended.append(f"rows {rows[0]} to {rows[-1]} are whole again")
+
+    def _lose(self, rows: Iterable[int]) -> None:
+        """Say that rows cannot be made again."""
+        if numbers := ", ".join(map(str, rows)):
             what = "cannot be made again: nothing is left that tells the recipe"
-            self.failed.append(f"rows {', '.join(map(str, block.lost))} {what}")
-            return
-        self.blocks.append(block.block)
-        self.to_generate |= {i: block.known.get(i, "") for i in pieces.rows_of(block.block)}
-        unpack_block(self._path, block.block)
-        remove_marker(pieces, block.block)
+            self.failed.append(f"rows {numbers} {what}")
 
 
 def _is_of_root(problems: Iterable[Problem]) -> bool:
@@ -198,8 +228,5 @@ def _is_of_root(problems: Iterable[Problem]) -> bool:
 
 
 def _is_begun(pieces: Pieces, block: int) -> bool:
-    """Say whether there is anything of a block that may be kept."""
-    rows = pieces.rows_of(block)
-    fields = (schema.STATUS, schema.CHECKSUM)
-    files = [block_files(pieces.path, field, block, rows)[0] for field in fields]
-    return any(file.exists() for file in files)
+    """Say whether there is anything of a block, which then may be kept."""
+    return any(file.exists() for file in files_of(pieces.path, pieces, block))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -13,10 +14,14 @@ from typing import Any, Self
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.verifying.documents import FILE, read_document
+from grasp_factory.writers.aside import PARTIAL, aside
 from grasp_factory.writers.files import fsync, locate, write_aside
 from grasp_factory.writers.header import read_attributes
 from grasp_factory.writers.seals import SEAL
-from grasp_factory.writers.store import create_store
+from grasp_factory.writers.store import create_store, remove_creation
+
+_OURS = re.compile(r"(zarr\.json|c|[0-9]+(\.[0-9]+)*)(" + re.escape(PARTIAL) + ")?")
+"""Names of what a store's arrays consist of."""
 
 
 class Template:
@@ -37,8 +42,7 @@ class Template:
         objects: Mapping[str, bytes],
     ) -> None:
         """Make nothing yet; see ``create_store`` for what it will be made of."""
-        self._store = locate(store)
-        self.path = self._store.with_name(f".{self._store.name}.repairing")
+        self._store, self.path = locate(store), template_place(store)
         self._config, self._joints, self._rows, self._objects = config, joints, rows, objects
         self._attributes = {key: value for key, value in attributes.items() if key != SEAL}
 
@@ -50,7 +54,7 @@ class Template:
             StoreError: if the disk fails.
         """
         try:
-            self._remove()
+            remove_template(self.path)
             create_store(
                 self.path, self._config, self._attributes,
                 joints=self._joints, n=self._rows, objects=self._objects,
@@ -82,10 +86,18 @@ class Template:
         return ""
 
     def give_document(self, name: str) -> None:
-        """Put the ``zarr.json`` of an array or group into the store, in place of its own."""
+        """Put the ``zarr.json`` of an array or group into the store, in place of its own.
+
+        Raises:
+            StoreError: if a folder with something else in it has its place.
+        """
         data = (self.path / name / FILE).read_bytes()
         folder = self._store / name
+        for parent in reversed([folder, *folder.relative_to(self._store).parents]):
+            if not (self._store / parent).is_dir():
+                (self._store / parent).unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
+        _make_room(folder / FILE)
         write_aside(folder / FILE, data)
         fsync([folder / FILE, folder, folder.parent])
 
@@ -93,14 +105,20 @@ class Template:
         """Put the ``zarr.json`` of a group without attributes into the store."""
         document = json.loads((self.path / "episodes" / FILE).read_bytes())
         folder = self._store / name
+        _make_room(folder / FILE)
         write_aside(folder / FILE, json.dumps(document | {"attributes": {}}, indent=2).encode())
         fsync([folder / FILE, folder])
 
     def give_files(self, files: Iterable[Path]) -> None:
-        """Move files, in this order, to their places in the store; what is not here goes there."""
+        """Move files, in this order, to their places in the store; what is not here goes there.
+
+        Raises:
+            StoreError: if a folder with something else in it has a file's place.
+        """
         places = []
         for file in files:
             place = self._store / file.relative_to(self.path)
+            _make_room(place)
             if file.exists():
                 os.replace(file, place)
                 places.append(place)
@@ -108,13 +126,44 @@ class Template:
                 place.unlink(missing_ok=True)
         fsync([*places, *{place.parent for place in places}])
 
-    def _remove(self) -> None:
-        """Remove what a killed repair has left."""
-        if not self.path.exists():
-            return
-        try:
-            read_attributes(self.path)
-        except (StoreMismatchError, StoreError):
-            what = "it is no store that a repair has left; move it"
-            raise StoreMismatchError(f"{self.path} is in the way: {what}") from None
-        shutil.rmtree(self.path)
+
+def template_place(store: Path) -> Path:
+    """Return where a store's template is made."""
+    whole = locate(store)
+    return whole.with_name(f".{whole.name}.repairing")
+
+
+def remove_template(place: Path) -> None:
+    """Remove what a killed repair has left at and beside a template's place.
+
+    Raises:
+        StoreMismatchError: if something else is there.
+    """
+    remove_creation(place)
+    if not place.exists():
+        return
+    try:
+        if any(place.iterdir()):
+            read_attributes(place)
+    except (NotADirectoryError, StoreMismatchError, StoreError):
+        what = "it is no store that a repair has left; move it"
+        raise StoreMismatchError(f"{place} is in the way: {what}") from None
+    for folder in place.iterdir():
+        if folder.is_dir():
+            shutil.rmtree(folder)
+    shutil.rmtree(place)  # what tells that it is ours goes last
+
+
+def _make_room(file: Path) -> None:
+    """Remove a folder that has the place of a file, or of its name aside, if it is the store's.
+
+    Raises:
+        StoreError: if there is anything else in it.
+    """
+    for place in (file, aside(file)):
+        if not place.is_dir() or place.is_symlink():
+            continue
+        others = [name for name in place.rglob("*") if not _OURS.fullmatch(name.name)]
+        if others:
+            raise StoreError(f"{others[0]} is in the way: {place} has to be a file; move it")
+        shutil.rmtree(place)

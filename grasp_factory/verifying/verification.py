@@ -16,14 +16,17 @@ from grasp_factory.verifying.beside import (
     label_problems,
     object_problems,
     packed_problems,
+    recoded,
     strangers,
 )
-from grasp_factory.verifying.blocks import COMMITTED, BlockChecker, Findings
+from grasp_factory.verifying.blocks import BlockChecker, Findings
 from grasp_factory.verifying.deep import SEEDS, Simulator, draw, new_seed
 from grasp_factory.verifying.documents import group_faults, has_config, root_problem
 from grasp_factory.verifying.pieces import Pieces, open_pieces
 from grasp_factory.verifying.problems import Problem, Report
+from grasp_factory.verifying.rewritten import sorted_out
 from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.zarr import COMMITTED
 
 BLOCKS_AT_ONCE = 16
 """Blocks that a worker gets at a time."""
@@ -78,6 +81,8 @@ def verify(
     size = pieces.config.block_size
     broken = {problem.episode // size for problem in problems if problem.episode is not None}
     problems += packed_problems(pieces, broken)
+    changed, notes = sorted_out([*sorted(pieces.rewritten), *recoded(pieces)], problems)
+    problems += changed
     seed = new_seed() if deep_seed is None else deep_seed
     simulated = draw(_simulable(pieces, found), deep, seed) if deep else ()
     executor = executor_for(workers, len(simulated), few=1)
@@ -90,7 +95,7 @@ def verify(
         quarantined=found.quarantined,
         missing=found.missing,
         problems=tuple(problems),
-        notes=tuple(strangers(pieces)),
+        notes=(*notes, *strangers(pieces)),
         changed=tuple(changed_since(pieces.attributes)),
         simulated=simulated,
         deep_seed=seed if deep else None,

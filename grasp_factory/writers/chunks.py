@@ -7,6 +7,7 @@ array that is filled.
 from __future__ import annotations
 
 import os
+import stat
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -22,6 +23,23 @@ ABSENT = 2**64 - 1
 _CHECKSUM_BYTES = 4
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 VLEN = VLenUTF8()
+MOST_BYTES = 64 * 2**20
+"""Content of a chunk of words that is taken for one."""
+MOST_BYTES_OF_A_WORD = 2**20
+
+
+def open_file(file: str | Path) -> int:
+    """Return the descriptor of a file that is opened for reading.
+
+    Raises:
+        OSError: if there is none.
+        ValueError: if something else has its place; a pipe would be waited for without an end.
+    """
+    descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise ValueError(f"{Path(file).name} is no file")
+    return descriptor
 
 
 def unpack(data: bytes, out: NDArray[Any]) -> None:
@@ -34,7 +52,11 @@ def unpack(data: bytes, out: NDArray[Any]) -> None:
 
 def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return a chunk of words as an array of numpy's ``StringDType``."""
-    content, count = zstd.decompress(data), int(np.prod(shape))
+    count, size = int(np.prod(shape)), _content_size(data)
+    most = min(MOST_BYTES, count * MOST_BYTES_OF_A_WORD)
+    if size is None or size > most:  # a few bytes may stand for gigabytes
+        raise ValueError(f"a chunk of {size or 'unknown'} bytes of words, valid: up to {most}")
+    content = zstd.decompress(data)
     if int.from_bytes(content[:4], "little") != count:
         raise ValueError(f"a chunk of another number of words than {count}")
     words: NDArray[Any] = VLEN.decode(content)
@@ -49,9 +71,9 @@ class Shard:
 
         Raises:
             OSError: if there is none.
-            ValueError: if the index is not the one that was written.
+            ValueError: if it is no file, or the index is not the one that was written.
         """
-        self._descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
+        self._descriptor = open_file(file)
         try:
             self._index = self._read_index(chunks)
         except BaseException:

@@ -116,3 +116,16 @@ class Columns:
 def _filled(array: StoredArray, length: int) -> NDArray[Any]:
     whole = array.zarr
     return np.full((length, *whole.shape[1:]), whole.fill_value, whole.dtype)
+
+
+def check_lengths(path: Path, arrays: Mapping[str, StoredArray]) -> None:
+    """Check that all arrays of the store at ``path`` have one number of rows, which no seal holds.
+
+    Raises:
+        StoreError: naming one that has another.
+    """
+    rows = arrays[schema.STATUS.path].zarr.shape[0]
+    for name, array in arrays.items():
+        if array.zarr.shape[0] != rows:
+            what = f"{name} has {array.zarr.shape[0]} rows, {schema.STATUS.path} has {rows}"
+            raise StoreError(f"{path} is damaged, or growing just now: {what}")

@@ -41,8 +41,13 @@ def fsync(paths: Iterable[Path]) -> None:
     A directory's fsync makes the names in it durable: files created, renamed or removed there.
     They are waited for all at once, so that the file system can take them together.
     """
+    waited_for = list(paths)
     with ThreadPoolExecutor(_WAITING) as pool:
-        for _ in pool.map(_fsync, paths):
+        try:
+            done = pool.map(_fsync, waited_for)
+        except RuntimeError:  # no more threads are allowed here: one after the other then
+            done = map(_fsync, waited_for)
+        for _ in done:
             pass  # what one of them raised is raised here
 
 

@@ -124,6 +124,9 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     """
     try:
         array = root[path]
+    except KeyError:
+        what = f"array {path}: zarr.json is missing, or is none; run grasp-factory verify on it"
+        raise StoreError(f"{_where(root)} is damaged: {what}, and repair") from None
     except Exception as error:  # Zarr raises whatever it likes at damaged metadata
         raise StoreError(f"{_where(root)} is damaged: array {path}: {first_line(error)}") from None
     if not isinstance(array, zarr.Array):

@@ -6,6 +6,7 @@ store only says who holds it. It lies beside because creation renames the store 
 
 from __future__ import annotations
 
+import fcntl
 import glob
 import os
 import socket
@@ -38,6 +39,8 @@ class _Lock(ABC):
         whole = locate(path)  # one store, one lock, whatever links lead to it
         self._stem = whole.with_name(f".{whole.name}.grasp-factory")
         self.file = Path(f"{self._stem}.lock")
+        self._store = whole
+        self._inside: int | None = None
 
     @abstractmethod
     def __enter__(self) -> Self:
@@ -58,13 +61,36 @@ class _Lock(ABC):
     ) -> None:
         """Let go."""
 
+    def _lock_inside(self, kind: int) -> None:
+        """Lock the store's directory, if it is there: it may have other names, as a mount point.
+
+        Raises:
+            StoreBusyError: if somebody came by such a name.
+        """
+        if self._inside is not None:
+            return
+        try:
+            inside = os.open(self._store, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        except OSError:  # no store yet, or one that cannot be read: whoever reads it says so
+            return
+        try:
+            fcntl.flock(inside, kind | fcntl.LOCK_NB)
+        except OSError as error:
+            os.close(inside)
+            if isinstance(error, BlockingIOError):
+                raise self._busy([]) from None
+            return  # some file systems lock files only
+        self._inside = inside
+
+    def _unlock_inside(self) -> None:
+        if self._inside is not None:
+            os.close(self._inside)
+            self._inside = None
+
     def _busy(self, holder: list[str]) -> StoreBusyError:
         match holder:
             case ["shards", count]:
-                stem = glob.escape(self._stem.name)
-                parts = sorted(self.file.parent.glob(f"{stem}.shard-*-of-{count}.lock"))
-                runs = ", ".join(filter(None, (_holder(file) for file in parts)))
-                who = f"runs with --shard I/{count} ({runs})"
+                who = f"runs with --shard I/{count} ({', '.join(self._parts(count))})"
             case [host, pid]:
                 who = f"process {pid} on {host}"
             case _:
@@ -73,6 +99,18 @@ class _Lock(ABC):
             f"{self._path} is being written by {who}; wait for it or choose another --out"
         )
 
+    def _parts(self, count: str = "*") -> list[str]:
+        """Return who holds parts of the store; what killed ones have left is removed."""
+        found = []
+        stem = glob.escape(self._stem.name)
+        for file in sorted(self.file.parent.glob(f"{stem}.shard-*-of-{count}.lock")):
+            part = LockFile(file, self._path)
+            holder = part.take()
+            if holder is not None:
+                found.append(f"process {holder[1]} on {holder[0]}" if holder else "another process")
+            part.release()
+        return found
+
 
 class StoreLock(_Lock):
     """The whole store, ``.<name>.grasp-factory.lock``."""
@@ -80,7 +118,8 @@ class StoreLock(_Lock):
     is_alone = True
 
     def share(self) -> None:
-        """Let nobody in: there are no other parts."""
+        """Let nobody in: there are no other parts. The store is there now."""
+        self._lock_inside(fcntl.LOCK_EX)
 
     def try_alone(self) -> bool:
         """Return that it is alone."""
@@ -92,7 +131,13 @@ class StoreLock(_Lock):
         holder = self._lock.take()
         if holder is not None:
             raise self._busy(holder)
-        _claim(self._lock)
+        try:
+            _claim(self._lock)
+            self._parts()
+            self._lock_inside(fcntl.LOCK_EX)
+        except BaseException:
+            self._lock.release()
+            raise
         return self
 
     def __exit__(
@@ -102,6 +147,7 @@ class StoreLock(_Lock):
         trace: TracebackType | None,
     ) -> None:
         """Let go."""
+        self._unlock_inside()
         self._lock.release()
 
 
@@ -136,7 +182,9 @@ class ShardLock(_Lock):
         try:
             _claim(self._part)
             self._join(wait_s=WAIT_S)
+            self._lock_inside(fcntl.LOCK_SH)
         except BaseException:
+            self._whole.release()
             self._part.release()
             raise
         return self
@@ -145,10 +193,13 @@ class ShardLock(_Lock):
         """Let the other parts in, after the store was prepared."""
         self._whole.release()
         self._join(wait_s=WAIT_S, alone=False)
+        self._lock_inside(fcntl.LOCK_SH)
 
     def try_alone(self) -> bool:
         """Return whether this is the last part at work. If not, it is one no more."""
         self.is_alone = self._whole.upgrade()
+        if self.is_alone:
+            self._parts()
         return self.is_alone
 
     def __exit__(
@@ -158,6 +209,7 @@ class ShardLock(_Lock):
         trace: TracebackType | None,
     ) -> None:
         """Let go."""
+        self._unlock_inside()
         self._whole.release()
         self._part.release()
 
@@ -184,15 +236,6 @@ class ShardLock(_Lock):
             if holder not in ([], mine) or time.monotonic() > deadline:
                 raise self._busy(holder)
             time.sleep(_POLL_S)
-
-
-def _holder(file: Path) -> str:
-    """Return who holds the lock of a part; nothing where nobody is named any more."""
-    try:
-        host, pid = file.read_text(encoding="utf-8", errors="replace").split()
-    except (OSError, ValueError):
-        return ""
-    return f"process {pid} on {host}"
 
 
 def _claim(lock: LockFile, text: str = "") -> None:

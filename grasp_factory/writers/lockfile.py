@@ -10,11 +10,12 @@ import re
 import stat
 from pathlib import Path
 
-from grasp_factory.errors import StoreMismatchError
+from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.files import cannot_write
 
 _OURS = re.compile(rb"(\S+ \d+\n)?")
-"""What a lock file holds: host and process, or ``shards`` and their number, or nothing yet."""
+"""What a lock file holds: host and process, or ``shards`` and their number, or nothing yet. A power
+cut may leave zeros in its place."""
 _LONGEST = 300
 
 
@@ -48,6 +49,11 @@ class LockFile:
                 taken = self._is_at_its_place(descriptor)
             except BlockingIOError:
                 return holder
+            except OSError as error:
+                raise StoreError(
+                    f"{self.file} cannot be locked: {error.strerror}; on a file system without"
+                    " locks give each run a store of its own, and merge them"
+                ) from None
             finally:
                 if not taken:
                     os.close(descriptor)
@@ -104,6 +110,8 @@ class LockFile:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
             raise self._in_the_way()
         content = os.pread(descriptor, _LONGEST + 1, 0)
+        if not content.strip(b"\0"):
+            return []
         if len(content) > _LONGEST or not _OURS.fullmatch(content):
             raise self._in_the_way()
         return content.decode(errors="replace").split()

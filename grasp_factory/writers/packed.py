@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.writers.chunks import open_file
 from grasp_factory.writers.files import fsync
 
 FOLDER = "packed"
@@ -46,8 +47,9 @@ class Segment:
         """Return members by name, text decoded; None where the file is damaged or lacks one."""
         try:
             # Given a path, numpy would leave the file open when it is no zip file.
-            with self.file.open("rb") as file, np.load(file, allow_pickle=False) as members:
-                return {name: _member(members, name) for name in names}
+            with open(open_file(self.file), "rb") as file:
+                with np.load(file, allow_pickle=False) as members:
+                    return {name: _member(members, name) for name in names}
         except Exception:  # zip, zlib and numpy raise whatever they like at damaged bytes
             return None
 

@@ -57,5 +57,5 @@ def _bytes_beside(folder: Path, arrays: set[str]) -> int:
 def _size(file: Path) -> int:
     try:
         return os.stat(file).st_size
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return 0

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import zarr
+from numpy.typing import NDArray
 
 from grasp_factory import schema
 from grasp_factory.config import FactoryConfig, first_difference
@@ -32,6 +33,7 @@ from grasp_factory.writers.header import (
 from grasp_factory.writers.layout import create_array, shape
 from grasp_factory.writers.objects import GROUP, add_objects
 from grasp_factory.writers.seals import seal, set_rows
+from grasp_factory.writers.zarr import COMMITTED
 
 _OTHER = "choose another --out"
 _ASIDE = ".creating"
@@ -94,6 +96,17 @@ def prepare_store(
         raise StoreError(f"{path} cannot be written: {error.strerror}") from None
 
 
+def missing_rows(path: Path, *, quarantined: bool = False) -> NDArray[np.int64]:
+    """Return the rows that are missing, ascending, and those in quarantine if asked for.
+
+    Raises:
+        StoreMismatchError: if there is no store.
+        StoreError: if it is damaged.
+    """
+    status = Columns.open(path).read("status")["status"]
+    return np.flatnonzero((status != COMMITTED) if quarantined else (status == 0))
+
+
 def pending_blocks(path: Path, n: int) -> list[int]:
     """Return the blocks in which any of the first ``n`` episodes is missing.
 
@@ -101,9 +114,9 @@ def pending_blocks(path: Path, n: int) -> list[int]:
         StoreMismatchError: if there is no store.
         StoreError: if it is damaged.
     """
-    columns = Columns.open(path)
-    missing = np.flatnonzero(columns.read("status")["status"][:n] == 0)
-    return [int(block) for block in np.unique(missing // columns.config.block_size)]
+    missing = missing_rows(path)
+    size = Columns.open(path).config.block_size
+    return [int(block) for block in np.unique(missing[missing < n] // size)]
 
 
 def _is_free(target: Path) -> bool:
@@ -166,6 +179,17 @@ def create_store(
             if aside.exists() and not (target / "zarr.json").exists():
                 _remove_leftovers(target if inside else aside)
         raise
+
+
+def remove_creation(target: Path) -> None:
+    """Remove what a creation that was killed has left beside ``target``.
+
+    Raises:
+        StoreMismatchError: if something that is not ours is in it.
+    """
+    aside = target.with_name(f".{target.name}{_ASIDE}")
+    if aside.exists():
+        _remove_leftovers(aside)
 
 
 def _remove_leftovers(place: Path) -> None:

@@ -25,7 +25,7 @@ from zarr.core.chunk_key_encodings import V2ChunkKeyEncoding
 from zarr.core.metadata import ArrayV3Metadata
 
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.chunks import Shard, unpack, unpack_words
+from grasp_factory.writers.chunks import Shard, open_file, unpack, unpack_words
 from grasp_factory.writers.header import first_line, open_array, read_array
 
 
@@ -169,7 +169,7 @@ class ColumnFiles(_OurFiles):
 
     def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
         try:
-            with open(self._name(file), "rb", buffering=0) as opened:
+            with open(open_file(self._name(file)), "rb", buffering=0) as opened:
                 data = opened.read()
         except FileNotFoundError:
             out[...] = self._fill

@@ -18,11 +18,12 @@ from grasp_factory.writers.base import Quarantined, Writer, check_count, check_r
 from grasp_factory.writers.digests import digests
 from grasp_factory.writers.encoding import packed_chunk, packed_shard
 from grasp_factory.writers.files import fsync, write_aside
-from grasp_factory.writers.header import SOURCES, open_array, open_store
+from grasp_factory.writers.header import SOURCES, open_array, open_store, read_array
 from grasp_factory.writers.layout import ZSTD_LEVEL, block_files
 from grasp_factory.writers.packed import unpack_block
 
-COMMITTED, QUARANTINED = 1, 2
+MISSING, COMMITTED, QUARANTINED = range(3)
+"""Values of the column ``status``."""
 
 Values = Mapping[str, NDArray[Any]]
 """One row of the store: array by path. What a path lacks is left at its fill value."""
@@ -53,8 +54,10 @@ class ZarrWriter(Writer):
         self.length = self._arrays[schema.STATUS.path].shape[0]
 
     def write_block(self, block: int, rows: Sequence[Episode | Quarantined]) -> None:
-        """Clear the block, write array by array, then ``status``, which commits it.
+        """Write array by array, then ``status``, which commits the block.
 
+        What is there of it is cleared first, unless all its episodes are among the rows as they
+        are: then each file is replaced by one that has them too, and none is lost on the way.
         Rows of the block that are not given stay missing. See ``Writer.write_block``.
         """
         start = block * self.block_size
@@ -64,7 +67,12 @@ class ZarrWriter(Writer):
         else:
             check_rows(block, rows, start, room)
         values = [self._values(row) for row in rows]
-        self._clear(block)
+        unpack_block(self.path, block)
+        if self._keeps(block, values):
+            # Says of rows that are missing by the marker, but have values, that it goes on.
+            aside(self._files_of(schema.STATUS, block)[0]).touch()
+        else:
+            self._clear(block)
         data = [field for field in self._fields if field != schema.STATUS]
         for fields in (data, [schema.STATUS]):
             written = [file for field in fields for file in self._write(field, block, values)]
@@ -102,8 +110,30 @@ class ZarrWriter(Writer):
                     f"{who}: {path}: got {kind} {got.shape}, valid: {row.dtype} {room}"
                 )
 
+    def present(self, block: int) -> dict[int, int]:
+        """Return the status of each row of a block that is committed or quarantined, by its number.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        if not self._files_of(schema.STATUS, block)[0].exists():
+            return {}
+        start = block * self.block_size
+        rows = slice(start, min(start + self.block_size, self.length))
+        status = read_array(self._arrays[schema.STATUS.path], rows).tolist()
+        return {start + k: code for k, code in enumerate(status) if code}
+
+    def _keeps(self, block: int, values: Sequence[Values]) -> bool:
+        """Say whether a block is there, and its episodes are among these rows as they are."""
+        present, start = self.present(block), block * self.block_size
+        episodes = [row for row, status in present.items() if status == COMMITTED]
+        for row in episodes:
+            stored = read_array(self._arrays[schema.CHECKSUM.path], slice(row, row + 1))[0]
+            if row - start >= len(values) or values[row - start][schema.CHECKSUM.path] != stored:
+                return False
+        return bool(present)
+
     def _clear(self, block: int) -> None:
-        unpack_block(self.path, block)
         marker = self._files_of(schema.STATUS, block)[0]
         if marker.exists():
             marker.unlink()

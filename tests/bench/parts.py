@@ -17,17 +17,18 @@ from typing import Any
 from bench.engine import Call, watched_engine
 from bench.factory import WARM_UP_SEED, config_of
 from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
-from grasp_factory import attempt, factory, rollout
+from grasp_factory import attempt, blocks, factory, rollout
 from grasp_factory.writers import zarr
 
 PARTS: Mapping[str, tuple[tuple[Any, str], ...]] = {
-    "sample": ((factory, "sample_spec"),),
+    "sample": ((blocks, "sample_spec"),),
     "reset, build": ((rollout, "build_scene"),),
     "settle": ((rollout, "settle"),),
     "plan": ((rollout, "_plan"), (rollout, "choose")),
     "simulate": ((attempt.Attempt, "run"),),
     "render": ((rollout, "take_shots"),),
-    "label, streams": ((factory, "run_episode"),),
+    "inspect": ((rollout, "inspect_episode"),),
+    "label, streams": ((blocks, "run_episode"),),
     "encode": ((zarr.ZarrWriter, "write_block"),),
     "write (fsync)": ((zarr, "fsync"),),
     "open, close, count": ((factory, "generate"),),

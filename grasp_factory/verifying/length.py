@@ -1,0 +1,104 @@
+"""How many rows a store has, also where its metadata does not tell or cannot be believed."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from statistics import median_low
+from typing import Any
+
+import numpy as np
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import StoreError
+from grasp_factory.records import is_integer
+from grasp_factory.schema import Field
+from grasp_factory.writers.chunks import unpack, unpack_words
+from grasp_factory.writers.layout import block_files
+
+_OF_EVERY_ROW = (
+    *(schema.STATUS.path, schema.CHECKSUM.path),
+    *("episodes/spec", "episodes/seed", "episodes/index"),
+)
+"""Columns that have another value than their fill in each row that was made."""
+
+
+def rows_of(document: Any) -> int | None:
+    """Return an array's number of rows, which the seal leaves out, so it may be anything."""
+    shape = document.get("shape") if isinstance(document, dict) else None
+    rows: Any = shape[0] if isinstance(shape, list) and shape else None
+    return rows if is_integer(rows) and rows >= 0 else None
+
+
+def most_rows(documents: Iterable[Any]) -> int | None:
+    """Return the number of rows that most arrays have, by their ``zarr.json``; None without any."""
+    counts = Counter(rows for rows in map(rows_of, documents) if rows is not None)
+    return counts.most_common(1)[0][0] if counts else None
+
+
+def number_of_rows(
+    path: Path, config: FactoryConfig, fields: Mapping[str, Field], told: int | None
+) -> int:
+    """Return the number of rows of the store at ``path``: never fewer than its files hold.
+
+    A block is believed to be there when most arrays have a file of it.
+
+    Args:
+        path: the store's.
+        config: what it was made from.
+        fields: those that it has, by path.
+        told: the number that its metadata tells, None where that is lost.
+
+    Raises:
+        StoreError: if it cannot be told.
+    """
+    of_blocks = [field for field in fields.values() if not field.is_video]
+    files = Counter(block for field in of_blocks for block in _numbers(path, field))
+    believed = [block for block, count in files.items() if 2 * count > len(of_blocks)]
+    if told is None and not believed:
+        what = "no array's zarr.json tells the number of rows, and there are no files of blocks"
+        raise StoreError(f"{path}: {what}: make the store again with its generate command")
+    if not believed:
+        return told or 0
+    start = max(believed) * config.block_size
+    names = [name for name in _OF_EVERY_ROW if name in fields]
+    filled = [_filled(path, fields[name], max(believed), config) for name in names]
+    counts = [count for count in filled if count]
+    if counts:
+        return max(told or 0, start + median_low(counts))  # one of them may be another block's
+    if told is None or told <= start:
+        what = f"its last block, {max(believed)}, is damaged, so the number of rows cannot be told"
+        advice = "copy a zarr.json of any array from a store of the same command, and repair again"
+        raise StoreError(f"{path}: {what}: {advice}")
+    return told
+
+
+def _numbers(path: Path, field: Field) -> Iterator[int]:
+    """Give the numbers of the blocks of which a field has a file."""
+    tail = ".0" * len(field.dims)
+    folder = path / field.path
+    for name in os.listdir(folder) if folder.is_dir() else ():
+        number = name.removesuffix(tail)
+        if number.isdecimal() and name == f"{int(number)}{tail}":
+            yield int(number)
+
+
+def _filled(path: Path, field: Field, block: int, config: FactoryConfig) -> int | None:
+    """Return up to which row of a block a column says something; None if it cannot be read."""
+    size = config.block_size
+    file = block_files(path, field, block, range(0))[0]
+    if not file.is_file():
+        return None
+    try:
+        if field.dtype == "string":
+            there = unpack_words(file.read_bytes(), (size,)) != ""
+        else:
+            values = np.empty(size, field.dtype)
+            unpack(file.read_bytes(), values)
+            there = values != field.fill
+    except Exception:  # decoders of damaged bytes raise whatever they like
+        return None
+    return int(np.flatnonzero(there)[-1]) + 1 if there.any() else 0
