@@ -360,7 +360,7 @@ def test_everything_is_on_the_disk_before_the_block_is_committed(
         events.clear()
         writer.write_block(0, make_rows(CONFIG, 0, 2))
     commit = events.index(("write", "episodes/status"))
-    assert events[0] == ("sync", "episodes/status")  # the old marker is gone for good
+    assert events[0] == ("sync", "episodes/status")  # it says that the block goes on
     assert events[commit + 1 :] == [("sync", "episodes/status/0"), ("sync", "episodes/status")]
     synced = {name for what, name in events[1:commit] if what == "sync"}
     written = {name for what, name in events[1:commit] if what == "write"}

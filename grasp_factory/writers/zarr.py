@@ -69,8 +69,7 @@ class ZarrWriter(Writer):
         values = [self._values(row) for row in rows]
         unpack_block(self.path, block)
         if self._keeps(block, values):
-            # Says of rows that are missing by the marker, but have values, that it goes on.
-            aside(self._files_of(schema.STATUS, block)[0]).touch()
+            self._mark(block)
         else:
             self._clear(block)
         data = [field for field in self._fields if field != schema.STATUS]
@@ -132,6 +131,15 @@ class ZarrWriter(Writer):
             if row - start >= len(values) or values[row - start][schema.CHECKSUM.path] != stored:
                 return False
         return bool(present)
+
+    def _mark(self, block: int) -> None:
+        """Say of rows that are missing by the marker, but will have values, that it goes on."""
+        for row in self._fields:
+            for file in self._files_of(row, block):
+                aside(file).unlink(missing_ok=True)
+        marker = self._files_of(schema.STATUS, block)[0]
+        aside(marker).touch()
+        fsync([marker.parent])
 
     def _clear(self, block: int) -> None:
         marker = self._files_of(schema.STATUS, block)[0]
