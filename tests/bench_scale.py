@@ -32,7 +32,7 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.summary import summarise
 from grasp_factory.writers import ZarrWriter, packing
 from grasp_factory.writers.packed import FOLDER, segments
-from grasp_factory.writers.store import pending_blocks, prepare_store
+from grasp_factory.writers.store import missing_rows, prepare_store
 
 CONFIG = small_config(resolution=(16, 16), block_size=8)
 SOURCES = 256
@@ -116,7 +116,7 @@ def measure(path: Path) -> dict[str, float]:
     clock("a column of numbers", lambda: dataset.column("object_mass"))
     clock("rgb, depth and label of one of 200 rows", lambda: [look(int(i)) for i in rows])
     out["rgb, depth and label of one of 200 rows"] /= len(rows)
-    clock("what is pending", lambda: pending_blocks(path, len(dataset)))
+    clock("what is missing", lambda: missing_rows(path))
     clock("info", lambda: summarise(dataset))
     return out
 

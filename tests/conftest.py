@@ -1,8 +1,44 @@
-"""One hypothesis profile for all: the same examples in every run, and no clock."""
+"""One hypothesis profile for all, and the command, run in this process."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
+from grasp_factory.__main__ import main
+
+# The same examples in every run, and no clock.
 settings.register_profile("fixed", derandomize=True, deadline=None, database=None)
 settings.load_profile("fixed")
+
+
+@pytest.fixture
+def run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """Run a command in this process; return exit code, stdout and stderr."""
+
+    def run(*args: object) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["grasp-factory", *map(str, args)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        return int(left.value.code or 0), *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def complaint(
+    run: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Callable[..., tuple[int, str]]:
+    """Run a command in an empty folder; return exit code and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def complain(*args: object) -> tuple[int, str]:
+        code, _, said = run(*args)
+        return code, said
+
+    return complain

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.store import missing_rows
+
 
 def tree(root: Path) -> dict[str, bytes]:
     """Return every file below ``root`` with its bytes."""
@@ -19,3 +24,9 @@ def assert_same_tree(a: Path, b: Path) -> None:
     left, right = tree(a), tree(b)
     assert sorted(left) == sorted(right)
     assert [name for name in left if left[name] != right[name]] == []
+
+
+def pending_blocks(path: Path, n: int) -> list[int]:
+    """Return the blocks in which any of the first ``n`` episodes is missing."""
+    missing, size = missing_rows(path), Columns.open(path).config.block_size
+    return [int(block) for block in np.unique(missing[missing < n] // size)]

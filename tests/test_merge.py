@@ -25,7 +25,6 @@ from hypothesis import strategies as st
 from scenes import SMALL
 
 from grasp_factory import factory
-from grasp_factory.__main__ import main
 from grasp_factory.collecting import Collected, building, merge, split
 from grasp_factory.collecting.union import NOBODY, Rows, in_place, union
 from grasp_factory.config import FactoryConfig
@@ -809,23 +808,6 @@ class TestKilled:
         assert process.communicate()[1].endswith("Error: stopped\n")
         assert process.returncode == 130
         assert list(tmp_path.iterdir()) == []
-
-
-@pytest.fixture
-def complaint(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> Callable[..., tuple[int, str]]:
-    """Run a command in this process and an empty folder; return exit code and stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*args: object) -> tuple[int, str]:
-        monkeypatch.setattr(sys, "argv", ["grasp-factory", *map(str, args)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        assert isinstance(left.value.code, int)
-        return left.value.code, capsys.readouterr().err
-
-    return run
 
 
 class TestCommand:

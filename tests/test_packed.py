@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import zarr
 from fake_episodes import JOINTS, make_rows, small_config
-from helpers import assert_same_tree, tree
+from helpers import assert_same_tree, pending_blocks, tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,7 +24,7 @@ from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.packed import FOLDER, coded, segments
 from grasp_factory.writers.packing import is_time_to_pack, pack
 from grasp_factory.writers.sizes import store_bytes
-from grasp_factory.writers.store import pending_blocks, prepare_store
+from grasp_factory.writers.store import prepare_store
 
 CONFIG = small_config(resolution=(16, 16))
 N = 27

@@ -34,7 +34,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_isolation import SABOTAGE
 
-from grasp_factory.__main__ import main
 from grasp_factory.collecting import split
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
@@ -71,19 +70,6 @@ def copy(store: Path, tmp_path: Path) -> Path:
 @pytest.fixture(autouse=True)
 def small_segments(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """Run the command in this process; return exit code, stdout and stderr."""
-
-    def run(*args: object) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["grasp-factory", *map(str, args)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        return int(left.value.code or 0), *capsys.readouterr()
-
-    return run
 
 
 def no_simulation(*_: Any) -> Any:

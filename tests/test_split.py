@@ -18,7 +18,6 @@ from helpers import assert_same_tree, tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp_factory.__main__ import main
 from grasp_factory.collecting import merge, split
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import StoreBusyError, StoreError, StoreMismatchError, UsageError
@@ -190,23 +189,6 @@ class TestRefusals:
         with pytest.raises(StoreError, match=r"episode 14 does not match its checksum; run `gras"):
             split(tmp_path / "bad", tmp_path / "out", [0, 14])
         assert not (tmp_path / "out").exists()
-
-
-@pytest.fixture
-def complaint(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> Callable[..., tuple[int, str]]:
-    """Run a command in this process and an empty folder; return exit code and stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*args: object) -> tuple[int, str]:
-        monkeypatch.setattr(sys, "argv", ["grasp-factory", *map(str, args)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        assert isinstance(left.value.code, int)
-        return left.value.code, capsys.readouterr().err
-
-    return run
 
 
 class TestCommand:

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 import zarr
 from fake_episodes import JOINTS, make_rows, small_config
-from helpers import assert_same_tree, tree
+from helpers import assert_same_tree, pending_blocks, tree
 
 from grasp_factory import schema
 from grasp_factory.config import FactoryConfig
@@ -25,7 +25,7 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.errors import StaleLockWarning, StoreBusyError, StoreError, StoreMismatchError
 from grasp_factory.writers import ZarrWriter, store
 from grasp_factory.writers.lock import StoreLock
-from grasp_factory.writers.store import pending_blocks, prepare_store
+from grasp_factory.writers.store import prepare_store
 
 CONFIG = small_config()
 

@@ -34,7 +34,6 @@ from helpers import tree
 from numcodecs import zstd
 from zarr.codecs import GzipCodec
 
-from grasp_factory.__main__ import main
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
 from grasp_factory.episode import Episode
@@ -65,19 +64,6 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def copy(store: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(store, tmp_path / "store"))
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """Run the command in this process; return exit code, stdout and stderr."""
-
-    def run(*args: object) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["grasp-factory", *map(str, args)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        return int(left.value.code or 0), *capsys.readouterr()
-
-    return run
 
 
 class TestAWholeStore:

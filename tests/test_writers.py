@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import zarr
 from fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
-from helpers import assert_same_tree, tree
+from helpers import assert_same_tree, pending_blocks, tree
 
 from grasp_factory import schema
 from grasp_factory.config import FactoryConfig
@@ -25,7 +25,7 @@ from grasp_factory.writers import WRITERS, ZarrWriter
 from grasp_factory.writers import zarr as zarr_module
 from grasp_factory.writers.base import Quarantined, Writer
 from grasp_factory.writers.memory import MemoryWriter
-from grasp_factory.writers.store import pending_blocks, prepare_store
+from grasp_factory.writers.store import prepare_store
 
 CONFIG = small_config(block_size=2)
 N = 5  # blocks 0, 1 and a short 2

@@ -107,18 +107,6 @@ def missing_rows(path: Path, *, quarantined: bool = False) -> NDArray[np.int64]:
     return np.flatnonzero((status != COMMITTED) if quarantined else (status == 0))
 
 
-def pending_blocks(path: Path, n: int) -> list[int]:
-    """Return the blocks in which any of the first ``n`` episodes is missing.
-
-    Raises:
-        StoreMismatchError: if there is no store.
-        StoreError: if it is damaged.
-    """
-    missing = missing_rows(path)
-    size = Columns.open(path).config.block_size
-    return [int(block) for block in np.unique(missing[missing < n] // size)]
-
-
 def _is_free(target: Path) -> bool:
     """Say whether a store may be created: nothing is there, or what a killed creation left."""
     if not target.exists():
