@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.3.0"
 
 if TYPE_CHECKING:
+    from grasp_factory.conditions import Range
     from grasp_factory.config import FactoryConfig
     from grasp_factory.dataset import Dataset
     from grasp_factory.episode import Episode, EpisodeSpec
@@ -25,6 +26,7 @@ __all__ = [
     "FactoryConfig",
     "Outcome",
     "Phase",
+    "Range",
     "Shard",
     "generate",
 ]
@@ -36,6 +38,7 @@ _HOMES = {
     "FactoryConfig": "config",
     "Outcome": "outcome",
     "Phase": "outcome",
+    "Range": "conditions",
     "Shard": "request",
     "generate": "factory",
 }

@@ -1,37 +1,89 @@
-"""Conditions on a column: which rows hold a value, or one of several."""
+"""Conditions on a column: which rows hold a value, one of several, or one within a range."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.errors import UsageError, lookup, shown
+from grasp_factory.records import is_number
 from grasp_factory.schema import Field
 
 _KINDS = {"string": "UT", "bool": "b"}
 """numpy's kinds of values that a column of a type may be compared with; numbers otherwise."""
 
 
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Numbers from ``at_least`` on that are below ``below``; NaN is in no range.
+
+    Ranges that follow one another, ``Range(0.0, 0.1)`` and ``Range(0.1, 0.2)``, share no number.
+    """
+
+    at_least: float | None = None
+    """None for no bound."""
+    below: float | None = None
+    """None for no bound."""
+
+    def __post_init__(self) -> None:
+        """Refuse bounds between which there is nothing, and a range of everything.
+
+        Raises:
+            UsageError: naming them.
+        """
+        bounds = [bound for bound in (self.at_least, self.below) if bound is not None]
+        if not bounds or not all(map(_is_finite, bounds)) or sorted(set(bounds)) != bounds:
+            got = f"at_least {shown(self.at_least)}, below {shown(self.below)}"
+            valid = "two finite numbers, the first the smaller one, or one of them and None"
+            raise UsageError(f"Range: got {got}, valid: {valid}")
+
+    def holds(self, values: NDArray[Any]) -> NDArray[np.bool_]:
+        """Return which numbers, of any shape, are in the range."""
+        held = np.ones(values.shape, np.bool_)
+        if self.at_least is not None:
+            held &= values >= self.at_least
+        if self.below is not None:
+            held &= values < self.below
+        return held
+
+
 def matching(row: Field, values: NDArray[Any], wanted: Any) -> NDArray[np.bool_]:
-    """Return which values of a column, (N,), equal ``wanted``, or one of its items.
+    """Return which values of a column, (N,), are ``wanted``, or one of its items.
+
+    Args:
+        row: The column's.
+        values: Its values.
+        wanted: A value, a ``Range``, or several of them.
 
     Raises:
         UnknownNameError: for a word that a coded column does not know.
-        UsageError: for a value of another type than the column's, or a column with more than one
-            value per row.
+        UsageError: for a value of another type than the column's, a range of what is no number,
+            or a column with more than one value per row.
     """
     name = row.path.removeprefix("episodes/")
     if values.ndim > 1:
         raise UsageError(f"where: {name} has {values.shape[1:]} values a row, valid: one")
     several = isinstance(wanted, Iterable) and not isinstance(wanted, str)
-    found = [values == _stored(row, name, item) for item in (wanted if several else [wanted])]
+    found = [_equal(row, name, values, item) for item in (wanted if several else [wanted])]
     keep = np.zeros(len(values), np.bool_)
     for rows in found:
         keep |= rows
     return keep
+
+
+def _equal(row: Field, name: str, values: NDArray[Any], item: Any) -> Any:
+    """Return which values are one value, or in one range."""
+    if not isinstance(item, Range):
+        return values == _stored(row, name, item)
+    if row.names or row.dtype in _KINDS:
+        valid = f"words, of {', '.join(row.names)}" if row.names else row.dtype
+        raise UsageError(f"where: {name}: got {shown(item)}, valid: {valid}")
+    return item.holds(values)
 
 
 def _stored(row: Field, name: str, value: Any) -> Any:
@@ -41,3 +93,10 @@ def _stored(row: Field, name: str, value: Any) -> Any:
     if np.asarray(value).dtype.kind not in _KINDS.get(row.dtype, "iuf"):
         raise UsageError(f"where: {name}: got {shown(value)}, valid: {row.dtype}")
     return value
+
+
+def _is_finite(bound: Any) -> bool:
+    try:
+        return is_number(bound) and math.isfinite(bound)
+    except OverflowError:  # an integer beyond the range of floats
+        return False

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import zarr
@@ -13,21 +13,22 @@ from numpy.typing import NDArray
 
 from grasp_factory import schema
 from grasp_factory.checked import CheckedColumns, checked_arrays, checked_label
-from grasp_factory.conditions import matching
 from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode, EpisodeSpec, checksum
-from grasp_factory.errors import StoreError, lookup
+from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.episodes import Episodes
+from grasp_factory.errors import lookup
+from grasp_factory.indexing import RowIndex
 from grasp_factory.noise import EpisodeNoise, SensorNoise, named_noise
 from grasp_factory.readings import Readings
-from grasp_factory.records import is_integer
-from grasp_factory.rows import NEEDED, Row, assemble, read_rows
+from grasp_factory.rows import NEEDED
+from grasp_factory.views import EpisodeViews
 from grasp_factory.writers.added import added_columns, added_labels
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.header import SOURCES, open_store, read_array
 from grasp_factory.writers.stored import StoredArray, open_arrays
 
 
-class Dataset:
+class Dataset(EpisodeViews):
     """A store, opened for reading. Opening or reading never runs code from it.
 
     Attributes:
@@ -52,10 +53,12 @@ class Dataset:
         self.attributes = attributes
         self._arrays = arrays
         self._noise, self._is_checked = noise, checked
-        self._fields = {row.path: row for row in schema.expand(config) if row.path in arrays}
+        fields = {row.path: row for row in schema.expand(config) if row.path in arrays}
         columns = Columns(path, config, arrays)
-        self._columns = CheckedColumns(columns, arrays) if checked else columns
-        self._readings = Readings(path, config, arrays, self._fields, noise)
+        shown = CheckedColumns(columns, arrays) if checked else columns
+        rows = RowIndex(path, arrays, config.block_size)
+        super().__init__(shown, fields, rows, Readings(path, config, arrays, fields, noise))
+        self._episodes = Episodes(path, config, arrays, fields, noise)
 
     @classmethod
     def open(
@@ -99,80 +102,50 @@ class Dataset:
     def __repr__(self) -> str:
         return f"Dataset({str(self.path)!r}, {len(self)} episodes)"
 
-    def __len__(self) -> int:
-        """Return the number of rows, whatever their status."""
-        return self._columns.length
+    @overload
+    def __getitem__(self, index: int) -> Episode: ...
 
-    @property
-    def columns(self) -> list[str]:
-        """Names for ``column`` and ``where``."""
-        return list(self._columns.names)
+    @overload
+    def __getitem__(self, index: slice | Sequence[int] | NDArray[Any]) -> list[Episode]: ...
 
-    def column(self, name: str) -> NDArray[Any]:
-        """Return a whole column, shape (N, ...); rows that are missing hold its fill value.
+    def __getitem__(self, index: Any) -> Episode | list[Episode]:
+        """Return the episode that was written at an index, or a list of those at several.
 
-        Raises:
-            UnknownNameError: listing the columns.
-            StoreError: if it is damaged.
-        """
-        self._check_column(name)
-        return self._columns.read(name)[name]
-
-    @property
-    def status(self) -> NDArray[np.uint8]:
-        """The rows' status as it is now, (N,): 0 missing, 1 committed, 2 quarantined."""
-        return self.column("status")
-
-    @property
-    def committed(self) -> NDArray[np.int64]:
-        """Indices of the rows that hold an episode, ascending."""
-        return np.flatnonzero(self.status == 1)
-
-    def where(self, **conditions: Any) -> NDArray[np.int64]:
-        """Return the committed rows in which each named column has the value, or one of a list.
-
-        A word that no row of a text column has, as in ``policy="nope"``, matches no row.
-
-        Example: ``where(success=False, outcome=["no_contact", "collision"], split="train")``.
-
-        Raises:
-            UnknownNameError: for a column that does not exist, or a word that a column of words
-                does not know.
-            UsageError: for a column with more than one value per row.
-        """
-        for name in conditions:
-            self._check_column(name)
-        columns = self._columns.read("status", *conditions)
-        keep = columns["status"] == 1
-        for name, value in conditions.items():
-            keep &= matching(self._fields[f"episodes/{name}"], columns[name], value)
-        return np.flatnonzero(keep)
-
-    def __getitem__(self, index: int) -> Episode:
-        """Return the episode that was written at ``index``; negative counts from the end.
+        Negative indices count from the end. Several are a slice, or a list, range or array of
+        integers in any order, such as ``where`` returns; all their episodes are in memory at
+        once, so for many of them ``iter_blocks`` is the better choice.
 
         Raises:
             IndexError: naming the valid range.
-            TypeError: for anything but an integer.
-            StoreError: if the row is missing, quarantined or damaged.
+            TypeError: for anything else, a mask of truth values among it.
+            StoreError: if a row is missing, quarantined or damaged.
         """
-        i = self._readings.committed_row(index)
-        return self._episode(i, read_rows(self._read, self._fields, i, i + 1)[0])
+        if isinstance(index, slice | list | range | np.ndarray):
+            return self._episodes.several(self._rows.several(index))
+        return self._episodes.one(self._rows.committed(index))
 
     def __iter__(self) -> Iterator[Episode]:
         """Iterate over the committed episodes."""
         for _, episodes in self.iter_blocks():
             yield from episodes
 
-    def iter_blocks(self) -> Iterator[tuple[NDArray[np.int64], list[Episode]]]:
-        """Iterate over (indices, episodes) of each block's committed rows, reading shards once."""
-        committed, size = self.committed, self.config.block_size
-        for indices in np.split(committed, np.flatnonzero(np.diff(committed // size)) + 1):
-            if len(indices) == 0:  # of a store without any
-                return
-            start = int(indices[0]) // size * size
-            rows = read_rows(self._read, self._fields, start, min(start + size, len(self)))
-            yield indices, [self._episode(int(i), rows[i - start]) for i in indices]
+    def iter_blocks(
+        self, rows: Iterable[int] | None = None
+    ) -> Iterator[tuple[NDArray[np.int64], list[Episode]]]:
+        """Iterate over (indices, episodes) of each block among some rows, a block in memory.
+
+        Rows that follow one another are read at once, and no episode is read that is not asked
+        for, or twice.
+
+        Args:
+            rows: The blocks come in the order in which these first name them, and within a block
+                the rows in theirs; one that is given twice comes twice. None for all that are
+                committed, ascending.
+
+        Raises:
+            TypeError, IndexError, StoreError: as for ``dataset[rows]``.
+        """
+        return self._episodes.blocks(self.committed if rows is None else self._rows.several(rows))
 
     def spec(self, index: int) -> EpisodeSpec:
         """Return the recipe of an episode, also of a quarantined one.
@@ -181,7 +154,7 @@ class Dataset:
             IndexError: naming the valid range.
             StoreError: if the row is missing or damaged.
         """
-        return self._readings.spec(self._readings.present_row(index)[0])
+        return self._readings.spec(self._rows.present(index)[0])
 
     def value(self, index: int, column: str) -> Any:
         """Return one column's value of one episode, reading no other.
@@ -195,51 +168,8 @@ class Dataset:
             StoreError: if the row is missing, quarantined or damaged.
         """
         self._check_column(column)
-        i = self._readings.committed_row(index)
-        return self._read(f"episodes/{column}", i, i + 1)[0]
-
-    def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
-        """Return one image, reading no other.
-
-        Args:
-            index: the episode's.
-            camera: a key of ``config.cameras``.
-            kind: rgb (H, W, 3) uint8, depth (H, W) float32 in metres, or segmentation (H, W) uint8.
-            frame: 0 before the attempt, 1 after.
-
-        Raises:
-            UnknownNameError: for a camera or kind that the store does not have.
-            IndexError: for an episode or a frame out of range.
-            StoreError: if the row is missing, quarantined or damaged.
-        """
-        image: NDArray[Any] = self.images([index], camera, kind, frame)[0]
-        return image
-
-    def images(self, indices: Iterable[int], camera: str, kind: str, frame: int) -> NDArray[Any]:
-        """Return the image of each of K episodes, (K, H, W, ...), opening each shard once.
-
-        Args:
-            indices: the episodes', in any order; the images come in theirs.
-            camera: see ``image``.
-            kind: see ``image``.
-            frame: see ``image``.
-
-        Raises:
-            UnknownNameError, IndexError, StoreError: as ``image`` does.
-        """
-        self._readings.image_path(camera, kind)  # a wrong name is told before a wrong index
-        if not is_integer(frame) or frame not in (0, 1):
-            raise IndexError(f"frame {frame}: valid: 0 (before) and 1 (after)")
-        rows = [self._readings.committed_row(index) for index in indices]
-        return self._readings.images(rows, camera, kind, frame)
-
-    def series(self, index: int, *names: str) -> dict[str, NDArray[Any]]:
-        """Return some streams of one episode, unpadded, reading no others (than noise needs).
-
-        Raises:
-            UnknownNameError: listing the streams.
-        """
-        return self._readings.series(self._readings.committed_row(index), names)
+        i = self._rows.committed(index)
+        return self._arrays[f"episodes/{column}"].read(i, i + 1)[0]
 
     @property
     def labels(self) -> list[str]:
@@ -268,23 +198,4 @@ class Dataset:
             IndexError: naming the valid range.
             StoreError: if the row is missing or quarantined.
         """
-        i = self._readings.committed_row(index)
-        try:
-            row = read_rows(self._read, self._fields, i, i + 1)[0]
-        except StoreError:
-            return False
-        contents = {p: v for p, v in row.items() if p not in schema.NOT_IN_AN_EPISODE}
-        return checksum(contents) == str(row[schema.CHECKSUM.path])
-
-    def _check_column(self, name: str) -> None:
-        lookup(dict.fromkeys(self._columns.names), "column", name)
-
-    def _read(self, path: str, start: int, stop: int) -> NDArray[Any]:
-        return self._arrays[path].read(start, stop)
-
-    def _episode(self, i: int, row: Row) -> Episode:
-        try:
-            episode = assemble(row, self.config.cameras)
-        except (KeyError, TypeError, ValueError, RecursionError) as error:
-            raise StoreError(f"{self.path}: episode {i} is damaged: {error}") from None
-        return self._noise.episode(episode)
+        return self._episodes.is_whole(self._rows.committed(index))

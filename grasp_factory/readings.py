@@ -1,4 +1,4 @@
-"""What the sensors of stored episodes show: images and series, clean or with noise."""
+"""What sensors of stored episodes show: images, series, clouds, crops; clean or with noise."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.clouds import FRAMES, PointCloud, joined, labels_of, visible_cloud
 from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import EpisodeSpec
-from grasp_factory.errors import StoreError, lookup, shown
+from grasp_factory.crops import CropShape, GraspCrop, grasp_crop
+from grasp_factory.episode import CameraImage, EpisodeSpec
+from grasp_factory.errors import StoreError, UsageError, lookup
+from grasp_factory.geometry import Array, inverse, pose_matrices
 from grasp_factory.noise import EpisodeNoise
+from grasp_factory.outcome import Outcome
 from grasp_factory.records import is_integer
 from grasp_factory.schema import Field
 from grasp_factory.writers.stored import StoredArray
+
+IMAGES = ("rgb", "depth", "segmentation")
 
 
 class Readings:
@@ -39,47 +45,28 @@ class Readings:
                 _, camera, kind = path.split("/")
                 self._images[camera][kind] = path
 
-    def present_row(self, index: int) -> tuple[int, int]:
-        """Return an episode's row, counted from the start, and its status.
-
-        Raises:
-            TypeError: for anything but an integer.
-            IndexError: naming the valid range.
-            StoreError: if the row is missing.
-        """
-        if not is_integer(index):
-            what = f"episode index: got {shown(index)}, valid: one integer, as in ds[3]"
-            raise TypeError(f"{what}; for several: where() and iter_blocks()")
-        statuses = self._arrays["episodes/status"]
-        size = statuses.zarr.shape[0]
-        if not -size <= index < size:
-            valid = f"valid: {-size} to {size - 1}" if size else "the store has no episodes"
-            raise IndexError(f"episode {index}: {valid}")
-        row = int(index) % size
-        status = int(statuses.read(row, row + 1)[0])
-        if status == 0:
-            raise StoreError(f"{self._store}: episode {row} is missing")
-        return row, status
-
-    def committed_row(self, index: int) -> int:
-        """Return the row of an episode that is not quarantined; see ``present_row``."""
-        row, status = self.present_row(index)
-        if status == 2:
-            reason = self._arrays["episodes/error"].read(row, row + 1)[0]
-            raise StoreError(f"{self._store}: episode {row} is quarantined: {reason}")
-        return row
-
     def spec(self, row: int) -> EpisodeSpec:
         """Return the recipe of a row that is not missing.
 
         Raises:
             StoreError: if it is damaged.
         """
-        text = str(self._arrays["episodes/spec"].read(row, row + 1)[0])
+        text = str(self._value("episodes/spec", row))
         try:
             return EpisodeSpec.from_json(text)
         except (ValueError, RecursionError) as error:  # ConfigError is a ValueError
             raise StoreError(f"{self._store}: episode {row} is damaged: {error}") from None
+
+    def check_image(self, camera: str, kind: str, frame: int) -> None:
+        """Check that there are such images.
+
+        Raises:
+            UnknownNameError: listing the cameras, or the kinds.
+            IndexError: for a frame that is none.
+        """
+        self.image_path(camera, kind)
+        if not is_integer(frame) or frame not in (0, 1):
+            raise IndexError(f"frame {frame}: valid: 0 (before) and 1 (after)")
 
     def image_path(self, camera: str, kind: str) -> str:
         """Return the path of the array of a camera's images.
@@ -94,11 +81,10 @@ class Readings:
         images = self._arrays[self.image_path(camera, kind)].read_frames(rows, frame)
         if kind not in self._noise.images:
             return images
-        intrinsics = self._arrays[f"cameras/{camera}/intrinsics"]
-        for k, i in enumerate(rows):
-            K, far = intrinsics.read(i, i + 1)[0], self.spec(i).cameras[camera].far
+        for k, row in enumerate(rows):
+            K, far = self._value(f"cameras/{camera}/intrinsics", row), self._far(row, camera)
             images[k] = self._noise.image(
-                images[k], K, far, index=i, camera=camera, kind=kind, frame=frame
+                images[k], K, far, index=self._index(row), camera=camera, kind=kind, frame=frame
             )
         return images
 
@@ -106,10 +92,125 @@ class Readings:
         """Return some streams of a row, unpadded, by name; see ``Dataset.series``."""
         streams = {p.removeprefix("streams/"): p for p in self._fields if p.startswith("streams/")}
         wanted = {name: lookup(streams, "stream", name) for name in names}
-        n_steps = int(self._arrays["episodes/n_steps"].read(row, row + 1)[0])
+        n_steps = int(self._value("episodes/n_steps", row))
         needed = [name for name in self._noise.needs(wanted) if name in streams]
-        clean = {
-            name: self._arrays[streams[name]].read(row, row + 1)[0][:n_steps] for name in needed
-        }
-        read = self._noise.streams(row, clean, self._config.record_hz)
+        clean = {name: self._value(streams[name], row)[:n_steps] for name in needed}
+        read = self._noise.streams(self._index(row), clean, self._config.record_hz)
         return {name: np.asarray(read[name]) for name in wanted}
+
+    def cloud(
+        self, row: int, camera: str | None, frame: int, part: str, in_frame: str
+    ) -> PointCloud:
+        """Return what cameras see of a row's scene, as points; see ``Dataset.point_cloud``."""
+        lookup(FRAMES, "frame", in_frame)
+        shown = labels_of(part, self._config.clutter.count)
+        cameras = list(self._images) if camera is None else [camera]
+        if in_frame == "camera" and len(cameras) > 1:
+            valid = " or ".join(f"camera={name!r}" for name in cameras)
+            raise UsageError(f"in_frame='camera': got no camera, valid: {valid}")
+        T_world_frame = self._frame_pose(row, in_frame, cameras[0], frame)
+        clouds = [
+            visible_cloud(image, self._far(row, name), shown)
+            for name, image in self.scenes([row], cameras, IMAGES, frame)[0].items()
+        ]
+        return joined(clouds).moved(inverse(T_world_frame))
+
+    def crop(
+        self, row: int, camera: str | None, T_world_tcp: Array | None, shape: CropShape | None
+    ) -> GraspCrop:
+        """Return what is seen around a grasp before the attempt; see ``Dataset.grasp_crop``."""
+        T = self._grasp_pose(row, "T_world_tcp=None") if T_world_tcp is None else T_world_tcp
+        cameras = self._images if camera is None else (camera,)
+        return grasp_crop(self.scenes([row], cameras, IMAGES, 0)[0].values(), T, shape)
+
+    def calibrations(self, rows: Sequence[int], camera: str, frame: int) -> tuple[Array, Array]:
+        """Return a camera's intrinsics (K, 3, 3) and its poses (K, 4, 4) in the world."""
+        intrinsics = self._values(f"cameras/{camera}/intrinsics", rows)
+        return intrinsics, self._values(f"cameras/{camera}/T_world_camera", rows)[:, frame]
+
+    def scenes(
+        self, rows: Sequence[int], cameras: Iterable[str], kinds: Sequence[str], frame: int
+    ) -> list[dict[str, CameraImage]]:
+        """Return what cameras see in each of K rows; see ``Dataset.scenes``."""
+        scenes: list[dict[str, CameraImage]] = [{} for _ in rows]
+        width, height = self._config.resolution
+        for camera in cameras:
+            rgb, depth, segmentation = (
+                self.images(rows, camera, kind, frame)
+                if kind in kinds
+                else np.broadcast_to(np.uint8(0), (len(rows), height, width, 3)[:dimensions])
+                for kind, dimensions in (("rgb", 4), ("depth", 3), ("segmentation", 3))
+            )
+            intrinsics, poses = self.calibrations(rows, camera, frame)
+            for k, scene in enumerate(scenes):
+                scene[camera] = CameraImage(
+                    rgb=rgb[k],
+                    depth=depth[k],
+                    segmentation=segmentation[k],
+                    intrinsics=intrinsics[k],
+                    T_world_camera=poses[k],
+                )
+        return scenes
+
+    def _frame_pose(self, row: int, name: str, camera: str, frame: int) -> Array:
+        """Return the pose (4, 4) in the world of one of ``FRAMES`` at an image.
+
+        Raises:
+            UsageError: if the episode has no such pose, because nothing was planned or attempted.
+        """
+        if name == "world":
+            return np.eye(4)
+        if name == "camera":
+            return self._camera_pose(row, camera, frame)
+        if name == "grasp":
+            return self._grasp_pose(row, "in_frame='grasp'")
+        has_records = self._value("episodes/n_steps", row) > 0
+        if name == "tcp":
+            if not has_records:
+                self._refuse(row, "in_frame='tcp'", "n_steps=Range(1)")
+            return pose_matrices(self._at_image(row, "tcp_pose", frame))
+        if frame == 0 or not has_records:
+            return pose_matrices(self._value("episodes/object_rest_pose", row)[0])
+        return pose_matrices(self._at_image(row, "object_pose", frame)[0])
+
+    def _grasp_pose(self, row: int, asked: str) -> Array:
+        position, quat = (
+            self._value(f"episodes/grasp_{part}", row) for part in ("position", "quat_xyzw")
+        )
+        if np.isnan(position).any():
+            self._refuse(row, asked, "grasp_width=Range(0.0)")
+        return pose_matrices(np.concatenate([position, quat]))
+
+    def _camera_pose(self, row: int, camera: str, frame: int) -> Array:
+        return np.asarray(self._value(f"cameras/{camera}/T_world_camera", row)[frame])
+
+    def _at_image(self, row: int, stream: str, frame: int) -> Any:
+        """Return a stream's record next to an image: the first to the one before, else the last."""
+        return self.series(row, [stream])[stream][0 if frame == 0 else -1]
+
+    def _refuse(self, row: int, asked: str, condition: str) -> None:
+        outcome = Outcome(int(self._value("episodes/outcome", row))).name.lower()
+        what = f"{asked}: episode {row} has none (its outcome is {outcome})"
+        raise UsageError(f"{what}, valid: rows of where({condition})")
+
+    def _far(self, row: int, camera: str) -> float:
+        return self.spec(row).cameras[camera].far
+
+    def _index(self, row: int) -> int:
+        """Return the index of a row's recipe, which its noise hangs on."""
+        path = "episodes/index"  # a store of before there was merging lacks it
+        return int(self._value(path, row)) if path in self._arrays else row
+
+    def _values(self, path: str, rows: Sequence[int]) -> NDArray[Any]:
+        """Return the values of K rows, (K, ...), reading those of a block at once."""
+        at = np.asarray(rows, np.int64)
+        blocks, array = at // self._config.block_size, self._arrays[path]
+        out = np.empty((len(at), *array.zarr.shape[1:]), array.zarr.dtype)
+        for block in np.unique(blocks):
+            mine = np.flatnonzero(blocks == block)
+            first = int(at[mine].min())
+            out[mine] = array.read(first, int(at[mine].max()) + 1)[at[mine] - first]
+        return out
+
+    def _value(self, path: str, row: int) -> Any:
+        return self._arrays[path].read(row, row + 1)[0]

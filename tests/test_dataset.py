@@ -134,14 +134,27 @@ def test_an_index_out_of_range_names_the_range(dataset: Dataset, index: int) -> 
         assert str(caught.value) == f"episode {index}: valid: -13 to 12"
 
 
-@pytest.mark.parametrize("index", ["a", slice(0, 2), 1.0, True, np.True_, None, [0]], ids=str)
+@pytest.mark.parametrize("index", ["a", (0, 1), slice(0, 2), 1.0, None, [0]], ids=str)
 def test_an_index_that_is_no_integer_says_what_to_use(dataset: Dataset, index: Any) -> None:
-    for read in (dataset.__getitem__, dataset.spec, dataset.verify, dataset.series):
+    takes_one = [dataset.spec, dataset.verify, dataset.series]
+    if not isinstance(index, slice | list):
+        takes_one.append(dataset.__getitem__)
+    for read in takes_one:
         with pytest.raises(TypeError) as caught:
             read(index)
         assert str(caught.value).startswith("episode index: got ")
         assert str(caught.value).endswith(
-            "valid: one integer, as in ds[3]; for several: where() and iter_blocks()"
+            "valid: one integer, as in ds[3]; for several: ds[3:10] or ds[[3, 5]]"
+        )
+
+
+@pytest.mark.parametrize("index", [True, np.True_], ids=str)
+def test_a_truth_value_is_no_index(dataset: Dataset, index: Any) -> None:
+    for read in (dataset.__getitem__, dataset.spec, dataset.verify, dataset.series):
+        with pytest.raises(TypeError) as caught:
+            read(index)
+        assert str(caught.value) == (
+            f"episode index: got {index!r}, valid: an integer; for a mask: ds[np.flatnonzero(mask)]"
         )
 
 

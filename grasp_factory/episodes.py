@@ -1,0 +1,110 @@
+"""Whole episodes of a store, as the records that were written there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.episode import Episode, checksum
+from grasp_factory.errors import StoreError
+from grasp_factory.noise import EpisodeNoise
+from grasp_factory.rows import Row, assemble, read_rows
+from grasp_factory.schema import Field
+from grasp_factory.writers.stored import StoredArray
+from grasp_factory.writers.zarr import COMMITTED
+
+
+class Episodes:
+    """Episodes of committed rows, clean or with noise."""
+
+    def __init__(
+        self,
+        store: Path,
+        config: FactoryConfig,
+        arrays: Mapping[str, StoredArray],
+        fields: Mapping[str, Field],
+        noise: EpisodeNoise,
+    ) -> None:
+        """Use the arrays and fields, by their path, of the store at ``store``."""
+        self._store, self._config, self._noise = store, config, noise
+        self._arrays, self._fields = arrays, fields
+
+    def one(self, row: int) -> Episode:
+        """Return the episode of a row.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        return self._episode(row, self._rows(row, row + 1)[0])
+
+    def several(self, rows: NDArray[np.int64]) -> list[Episode]:
+        """Return the episode of each of K rows; of one that is given twice the same record twice.
+
+        Raises:
+            StoreError: if one is damaged.
+        """
+        at = {
+            int(row): episode
+            for mine, episodes in self.blocks(np.unique(rows))
+            for row, episode in zip(mine, episodes, strict=True)
+        }
+        return [at[int(row)] for row in rows]
+
+    def blocks(self, rows: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], list[Episode]]]:
+        """Iterate over (rows, episodes) of each block among some rows; see ``Dataset.iter_blocks``.
+
+        Raises:
+            StoreError: if one is damaged.
+        """
+        blocks = rows // self._config.block_size
+        order = np.argsort(blocks, kind="stable")
+        groups = np.split(order, np.flatnonzero(np.diff(blocks[order])) + 1) if len(rows) else []
+        for group in sorted(groups, key=lambda group: int(group[0])):
+            mine = rows[group]
+            yield mine, self._of_block(mine)
+
+    def is_whole(self, row: int) -> bool:
+        """Say whether an episode still has the checksum that it was written with."""
+        try:
+            read = self._rows(row, row + 1)[0]
+        except StoreError:
+            return False
+        contents = {p: v for p, v in read.items() if p not in schema.NOT_IN_AN_EPISODE}
+        return checksum(contents) == str(read[schema.CHECKSUM.path])
+
+    def _of_block(self, rows: NDArray[np.int64]) -> list[Episode]:
+        """Return the episodes of some rows of a block.
+
+        Rows that follow one another are read at once. Those without an episode in between do not
+        matter, they take no time; no episode is read that is not asked for.
+        """
+        wanted = np.unique(rows)
+        start, stop = int(wanted[0]), int(wanted[-1]) + 1
+        is_other = self._read(schema.STATUS.path, start, stop) == COMMITTED
+        is_other[wanted - start] = False
+        run_of = np.cumsum(is_other)[wanted - start]
+        found: dict[int, Episode] = {}
+        for run in np.split(wanted, np.flatnonzero(np.diff(run_of)) + 1):
+            first = int(run[0])
+            read = self._rows(first, int(run[-1]) + 1)
+            found |= {i: self._episode(i, read[i - first]) for i in run.tolist()}
+        return [found[row] for row in rows.tolist()]
+
+    def _rows(self, start: int, stop: int) -> list[Row]:
+        return read_rows(self._read, self._fields, start, stop)
+
+    def _read(self, path: str, start: int, stop: int) -> NDArray[Any]:
+        return self._arrays[path].read(start, stop)
+
+    def _episode(self, row: int, read: Row) -> Episode:
+        try:
+            episode = assemble(read, self._config.cameras)
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
+            raise StoreError(f"{self._store}: episode {row} is damaged: {error}") from None
+        return self._noise.episode(episode)

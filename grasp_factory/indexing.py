@@ -1,0 +1,98 @@
+"""Which rows of a store a user's indices mean, and whether there are episodes in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.errors import StoreError, shown
+from grasp_factory.records import is_integer
+from grasp_factory.writers.stored import StoredArray
+from grasp_factory.writers.zarr import MISSING, QUARANTINED
+
+
+class RowIndex:
+    """Finds rows by index; negative ones count from the end."""
+
+    def __init__(self, store: Path, arrays: Mapping[str, StoredArray], block_size: int) -> None:
+        """Use the arrays, by their path, of the store at ``store``."""
+        self._store, self._block_size = store, block_size
+        self._statuses, self._errors = arrays["episodes/status"], arrays["episodes/error"]
+        self._length: int = self._statuses.zarr.shape[0]
+
+    def present(self, index: int) -> tuple[int, int]:
+        """Return an episode's row, counted from the start, and its status.
+
+        Raises:
+            TypeError: for anything but an integer.
+            IndexError: naming the valid range.
+            StoreError: if the row is missing.
+        """
+        row = self._row(index)
+        status = int(self._statuses.read(row, row + 1)[0])
+        if status == MISSING:
+            self._refuse(row, status)
+        return row, status
+
+    def committed(self, index: int) -> int:
+        """Return the row of an episode that is not quarantined; see ``present``."""
+        row, status = self.present(index)
+        if status == QUARANTINED:
+            self._refuse(row, status)
+        return row
+
+    def several(self, indices: slice | Iterable[int]) -> NDArray[np.int64]:
+        """Return the rows (K,) of K episodes, in the order of their indices.
+
+        Raises:
+            TypeError: for anything but integers.
+            IndexError: naming the valid range.
+            StoreError: naming the first row that is missing or quarantined.
+        """
+        rows = self.places(indices)
+        statuses = np.empty(len(rows), np.uint8)
+        blocks = rows // self._block_size
+        for block in np.unique(blocks):
+            mine = np.flatnonzero(blocks == block)
+            first, last = int(rows[mine].min()), int(rows[mine].max())
+            statuses[mine] = self._statuses.read(first, last + 1)[rows[mine] - first]
+        for k in np.flatnonzero((statuses == MISSING) | (statuses == QUARANTINED))[:1]:
+            self._refuse(int(rows[k]), int(statuses[k]))
+        return rows
+
+    def places(self, indices: slice | Iterable[int]) -> NDArray[np.int64]:
+        """Return the rows (K,) of K indices, whether or not there are episodes in them.
+
+        Raises:
+            TypeError: for anything but integers.
+            IndexError: naming the valid range.
+        """
+        if isinstance(indices, slice):
+            return np.arange(self._length)[indices]
+        if isinstance(indices, np.ndarray) and indices.ndim != 1:
+            got = f"an array of shape {indices.shape}"
+            raise TypeError(f"episode indices: got {got}, valid: shape (K,)")
+        return np.array([self._row(index) for index in indices], np.int64)
+
+    def _row(self, index: Any) -> int:
+        if isinstance(index, bool | np.bool_):
+            what = f"episode index: got {shown(index)}, valid: an integer"
+            raise TypeError(f"{what}; for a mask: ds[np.flatnonzero(mask)]")
+        if not is_integer(index):
+            what = f"episode index: got {shown(index)}, valid: one integer, as in ds[3]"
+            raise TypeError(f"{what}; for several: ds[3:10] or ds[[3, 5]]")
+        size = self._length
+        if not -size <= index < size:
+            valid = f"valid: {-size} to {size - 1}" if size else "the store has no episodes"
+            raise IndexError(f"episode {index}: {valid}")
+        return int(index) % size
+
+    def _refuse(self, row: int, status: int) -> None:
+        if status == MISSING:
+            raise StoreError(f"{self._store}: episode {row} is missing")
+        reason = self._errors.read(row, row + 1)[0]
+        raise StoreError(f"{self._store}: episode {row} is quarantined: {reason}")

@@ -1,0 +1,142 @@
+"""The table of a store's episodes: a row for each, in columns; and how rows are chosen by them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.checked import CheckedColumns
+from grasp_factory.conditions import matching
+from grasp_factory.errors import UsageError, lookup
+from grasp_factory.even_draws import draw_evenly
+from grasp_factory.indexing import RowIndex
+from grasp_factory.schema import Field
+from grasp_factory.splits import SPLITS
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.zarr import COMMITTED
+
+
+class EpisodeTable:
+    """The rows of a store, whatever their status, and their columns."""
+
+    def __init__(
+        self, columns: Columns | CheckedColumns, fields: Mapping[str, Field], rows: RowIndex
+    ) -> None:
+        """Use a store's columns, their fields by path, and its row index."""
+        self._columns, self._fields, self._rows = columns, fields, rows
+
+    def __len__(self) -> int:
+        """Return the number of rows, whatever their status."""
+        return self._columns.length
+
+    @property
+    def columns(self) -> list[str]:
+        """Names for ``column`` and ``where``."""
+        return list(self._columns.names)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a whole column, shape (N, ...); rows that are missing hold its fill value.
+
+        Raises:
+            UnknownNameError: listing the columns.
+            StoreError: if it is damaged.
+        """
+        self._check_column(name)
+        return self._columns.read(name)[name]
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """The rows' status as it is now, (N,): 0 missing, 1 committed, 2 quarantined."""
+        return self.column("status")
+
+    @property
+    def committed(self) -> NDArray[np.int64]:
+        """Indices of the rows that hold an episode, ascending."""
+        return np.flatnonzero(self.status == COMMITTED)
+
+    def where(self, **conditions: Any) -> NDArray[np.int64]:
+        """Return the committed rows, ascending, in which each named column has what is asked for.
+
+        That is a value, a ``Range`` of numbers, or one of a list of them. A word that no row of a
+        text column has, as in ``policy="nope"``, matches no row; NaN is nothing's equal.
+
+        Example: ``where(success=False, outcome=["no_contact", "collision"], split="train")``,
+        ``where(lift_height=Range(at_least=0.05), object_mass=Range(0.1, 0.2))``.
+
+        Raises:
+            UnknownNameError: for a column that does not exist, or a word that a column of words
+                does not know.
+            UsageError: for a value of another type than the column's, a range of what is no
+                number, or a column with more than one value per row.
+        """
+        for name in conditions:
+            self._check_column(name)
+        columns = self._columns.read("status", *conditions)
+        keep = columns["status"] == COMMITTED
+        for name, value in conditions.items():
+            keep &= matching(self._fields[f"episodes/{name}"], columns[name], value)
+        return np.flatnonzero(keep)
+
+    def split(self, name: str) -> NDArray[np.int64]:
+        """Return the committed rows of ``train``, ``val`` or ``test``, ascending.
+
+        The split is a property of the target, and the other objects of its scene are of the same:
+        what is seen in one is in none of the others.
+
+        Raises:
+            UnknownNameError: for another name.
+        """
+        lookup(dict.fromkeys(SPLITS), "split", name)
+        return self.where(split=name)
+
+    def balanced(
+        self,
+        rows: Iterable[int] | None = None,
+        by: str = "success",
+        n: int | None = None,
+        seed: int = 0,
+    ) -> NDArray[np.int64]:
+        """Return rows drawn at random, with as many of each value that a column has among them.
+
+        The numbers differ by one at most. Rows come more than once only where n asks for more
+        than there are of a value, and then all of them equally often, give or take one.
+
+        Args:
+            rows: Those to draw from, in any order; one that is given twice counts once. None for
+                all that are committed.
+            by: A column of words, truth values or whole numbers.
+            n: How many rows; None for as many as there are without repeating any.
+            seed: The same rows, n and seed give the same draw.
+
+        Returns:
+            (n,), in random order.
+
+        Raises:
+            UnknownNameError: for a column that does not exist.
+            UsageError: for a column of other values, for rows that have only one, or for an n or
+                a seed that is none.
+            IndexError, StoreError: for a row that holds no episode.
+        """
+        self._check_column(by)
+        columns = self._columns.read("status", by)
+        values = columns[by]
+        if values.ndim > 1 or values.dtype.kind == "f":
+            has = f"{values.shape[1:]} values a row" if values.ndim > 1 else "real numbers"
+            valid = "one word, truth value or whole number a row, such as success or outcome"
+            raise UsageError(f"balanced: {by} has {has}, valid: {valid}")
+        is_there = columns["status"] == COMMITTED
+        if rows is None:
+            chosen = np.flatnonzero(is_there)
+        else:
+            chosen = np.unique(self._rows.places(rows))
+            self._rows.several(chosen[~is_there[chosen]][:1])
+        try:
+            return chosen[draw_evenly(values[chosen], n, seed)]
+        except UsageError as error:
+            raise UsageError(f"balanced by {by}: {error}") from None
+
+    def _check_column(self, name: str) -> None:
+        lookup(dict.fromkeys(self._columns.names), "column", name)
