@@ -1,0 +1,187 @@
+"""All that a card says of a store, counted from one reading of its columns."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory import schema
+from grasp_factory.card.table import NOT_IN_TABLE, Column, Kind, column_of
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import StoreError, UsageError
+from grasp_factory.outcome import Outcome, names
+from grasp_factory.splits import SPLITS
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.sizes import store_bytes
+
+GROUPED = ("split", "policy", "object_set", "object_family")
+"""Columns whose words the card counts, if the store has them."""
+_NEEDED = ("success", "outcome", "object_id", "split")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """The committed episodes with one word in a column."""
+
+    word: str
+    episodes: int
+    successes: int
+    objects: int
+    """Distinct targets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AddedLabel:
+    """A label that was added to the store's own."""
+
+    name: str
+    thresholds: Mapping[str, Any]
+    episodes: int
+    """Committed ones that have it."""
+    successes: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """What is in a store. All but the first four counts are of its committed episodes."""
+
+    rows: int
+    quarantined: int
+    missing: int
+    bytes: int
+    total: Group
+    groups: Mapping[str, tuple[Group, ...]]
+    """By column of ``GROUPED``; the splits in their order, others with the most episodes first."""
+    outcomes: Mapping[str, int]
+    """Those that occur, in their fixed order."""
+    quality: Mapping[int, int]
+    """Episodes by score, the best first; none for stores from before there were scores."""
+    reasons: tuple[tuple[str, int], ...]
+    """Why rows are quarantined, and how many: the most frequent first."""
+    labels: tuple[AddedLabel, ...]
+    table: tuple[Column, ...]
+    """The episodes; see ``table``."""
+
+    def values(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of the table by name, (n,) each."""
+        return {column.name: column.values for column in self.table}
+
+
+def read_facts(dataset: Dataset) -> Facts:
+    """Read and count what a store holds, as it is now.
+
+    Raises:
+        UsageError: for a store without episodes.
+        StoreError: if it is damaged.
+    """
+    columns = Columns.open(dataset.path)
+    fields = [f for f in schema.expand(dataset.config) if _is_in_table(f, columns)]
+    wanted = [field.path.removeprefix("episodes/") for field in fields]
+    if lost := [name for name in _NEEDED if name not in wanted]:
+        what = f"{dataset.path} is damaged: it has no column {', '.join(lost)}"
+        raise StoreError(f"{what}; run grasp-factory verify on it, and repair")
+    # At once: another process may be adding rows, and all columns must have the same ones.
+    read = columns.read("status", *wanted)
+    status = read.pop("status")
+    made = np.flatnonzero(status == 1)
+    if not len(made):
+        what = f"{dataset.path} has no episodes to describe"
+        raise UsageError(f"{what}: `grasp-factory generate --out {dataset.path}` makes some")
+    own = [column_of(f, read[name][made]) for f, name in zip(fields, wanted, strict=True)]
+    labels, label_columns = _labels(dataset, made)
+    row = Column(
+        name="row",
+        kind=Kind.INTEGER,
+        description="row of the store: Dataset.open(PATH)[row] is the episode",
+        values=made,
+    )
+    values = {column.name: column.values for column in own}
+    success, objects = values["success"], values["object_id"]
+    outcomes = np.bincount(values["outcome"], minlength=len(Outcome))
+    scores = np.unique(values["quality"], return_counts=True) if "quality" in values else ((), ())
+    return Facts(
+        rows=len(status),
+        quarantined=int(np.sum(status == 2)),
+        missing=int(np.sum(status == 0)),
+        bytes=store_bytes(columns),
+        total=_group("", success, objects),
+        groups={
+            name: _groups(name, values[name], success, objects)
+            for name in GROUPED
+            if name in values
+        },
+        outcomes={w: int(n) for w, n in zip(names(Outcome), outcomes, strict=False) if n},
+        quality={int(s): int(n) for s, n in zip(*(x[::-1] for x in scores), strict=True)},
+        reasons=_reasons(columns, np.flatnonzero(status == 2)),
+        labels=labels,
+        table=(row, *own, *label_columns),
+    )
+
+
+def _is_in_table(field: schema.Field, columns: Columns) -> bool:
+    group, _, name = field.path.partition("/")
+    is_read = group == "episodes" and name in columns.names and not field.dims
+    return is_read and field.path not in NOT_IN_TABLE
+
+
+def _groups(
+    column: str, words: NDArray[Any], success: NDArray[np.bool_], objects: NDArray[Any]
+) -> tuple[Group, ...]:
+    found = sorted(set(words.tolist()))
+    groups = [_group(word, success[words == word], objects[words == word]) for word in found]
+    if column == "split":
+        places = {word: place for place, word in enumerate(SPLITS)}
+        return tuple(sorted(groups, key=lambda group: places.get(group.word, len(places))))
+    return tuple(sorted(groups, key=lambda group: -group.episodes))
+
+
+def _group(word: str, success: NDArray[np.bool_], objects: NDArray[Any]) -> Group:
+    return Group(
+        word=word,
+        episodes=len(success),
+        successes=int(success.sum()),
+        objects=len(set(objects.tolist())),
+    )
+
+
+def _reasons(columns: Columns, rows: NDArray[np.int64]) -> tuple[tuple[str, int], ...]:
+    if "error" not in columns.names:
+        return ()
+    found = Counter(str(columns.read_rows("error", i, i + 1)[0]) for i in rows.tolist())
+    return tuple(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _labels(
+    dataset: Dataset, made: NDArray[np.int64]
+) -> tuple[tuple[AddedLabel, ...], list[Column]]:
+    """Return the added labels, and a column of the table for each."""
+    labels, columns = [], []
+    for name in dataset.labels:
+        stored = dataset.label(name)
+        there = made[made < len(stored)]
+        outcome = np.full(len(made), len(Outcome), np.uint8)
+        outcome[: len(there)] = stored[there]
+        attributes: Mapping[str, Any] = dataset.arrays()[f"labels/{name}/outcome"].attrs.asdict()
+        labels.append(
+            AddedLabel(
+                name=name,
+                thresholds=dict(attributes.get("thresholds", {})),
+                episodes=int(np.sum(outcome < len(Outcome))),
+                successes=int(np.sum(outcome == Outcome.SUCCESS)),
+            )
+        )
+        columns.append(
+            Column(
+                name=f"labels/{name}",
+                kind=Kind.TEXT,
+                description=f"outcome by the thresholds of the added label {name}",
+                values=outcome,
+                words=tuple(names(Outcome)),
+            )
+        )
+    return tuple(labels), columns

@@ -1,0 +1,169 @@
+"""The card's bar charts, drawn with what the contact sheet is drawn with.
+
+OpenCV is a dependency already and gives the same bytes wherever its version is the same; the words
+in the charts are the package's own, which are ASCII.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.geometry import Array
+from grasp_factory.outcome import Outcome, names
+from grasp_factory.painting import GREEN, INK, PALE, PAPER, RED, WHITE, Color, Image, put_text
+from grasp_factory.sections import LabelConfig
+
+WIDTH = 960
+MARGIN, ROW, BAR = 20, 30, 18
+_LABELS, _COUNTS = 170, 150
+"""Pixels beside the bars."""
+_PANEL = (300, 190)
+_BINS = 30
+_TOP = 99.0
+"""Per cent of the values below which a histogram's last bin begins at the latest."""
+_LINE: Color = (170, 110, 40)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """A measurement behind the label."""
+
+    column: str
+    title: str
+    threshold: float | None
+    """What success asks for; None for nothing."""
+
+
+def measures(label: LabelConfig) -> tuple[Measure, ...]:
+    """Return what is drawn of the measurements, with a label's thresholds."""
+    return (
+        Measure(column="lift_height", title="lift height, m", threshold=label.min_lift),
+        Measure(column="shake_level", title="shake survived, g", threshold=label.min_shake or None),
+        Measure(column="hold_duration", title="hold duration, s", threshold=None),
+        Measure(
+            column="min_grip_force",
+            title="least grip force, N",
+            threshold=label.min_grip_force or None,
+        ),
+        Measure(
+            column="slip_distance",
+            title="slip in the hand, m",
+            threshold=label.max_slip_distance,
+        ),
+        Measure(column="slip_angle", title="turn in the hand, rad", threshold=label.max_slip_angle),
+    )
+
+
+def outcomes_chart(outcomes: Mapping[str, int]) -> Image:
+    """Return a bar for each outcome of ``outcomes``, which has episodes by word."""
+    total, most = sum(outcomes.values()), max(outcomes.values())
+    image = _paper(2 * MARGIN + ROW * len(outcomes), WIDTH)
+    room = WIDTH - 2 * MARGIN - _LABELS - _COUNTS
+    for i, (word, episodes) in enumerate(outcomes.items()):
+        y = MARGIN + ROW * i + ROW // 2
+        left = MARGIN + _LABELS
+        right = left + max(1, round(room * episodes / most))
+        color = GREEN if word == names(Outcome)[Outcome.SUCCESS] else RED
+        put_text(image, word.replace("_", " "), (MARGIN, y))
+        cv2.rectangle(image, (left, y - BAR // 2), (right, y + BAR // 2), color, cv2.FILLED)
+        put_text(image, f"{episodes}  ({100 * episodes / total:.1f} %)", (right + 8, y), PALE)
+    return image
+
+
+def measures_chart(columns: Mapping[str, NDArray[Any]], label: LabelConfig) -> Image:
+    """Return a histogram of each measurement, successes below and failures on top of them.
+
+    Args:
+        columns: Values (n,) by column: ``success``, and measurements, NaN where there is none.
+        label: Whose thresholds are drawn.
+    """
+    drawn = [measure for measure in measures(label) if measure.column in columns]
+    across = 3
+    rows = -(-len(drawn) // across)
+    width, height = _PANEL
+    legend = 30
+    image = _paper(legend + rows * height + MARGIN, WIDTH)
+    x = MARGIN
+    for word, color in (("success", GREEN), ("failure", RED), ("asked for", _LINE)):
+        cv2.rectangle(image, (x, 13), (x + 11, 24), color, cv2.FILLED)
+        x += 18 + put_text(image, word, (x + 18, 19), INK) + 18
+    for i, measure in enumerate(drawn):
+        corner = (MARGIN + i % across * (width + 10), legend + i // across * height)
+        panel = image[corner[1] : corner[1] + height, corner[0] : corner[0] + width]
+        _draw_histogram(panel, measure, columns[measure.column], columns["success"])
+    return image
+
+
+def stacked_counts(
+    values: Array, success: NDArray[np.bool_], edges: Array
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the successes and failures of each bin, (len(edges) - 1,) each.
+
+    Values outside the edges count in the bin next to them, NaN nowhere.
+    """
+    inside = np.clip(values, edges[0], edges[-1])
+    good, bad = (np.histogram(inside[which], edges)[0] for which in (success, ~success))
+    return good, bad
+
+
+def bin_edges(values: Array) -> Array:
+    """Return the edges of a histogram's bins: all values but the largest few lie within."""
+    finite = values[np.isfinite(values)]
+    low, high = float(finite.min()), float(np.percentile(finite, _TOP))
+    largest = max(abs(low), abs(high))
+    if high - low <= 1e-6 * largest + 1e-12:  # all the same, as far as one can tell
+        low, high = low - max(0.5, largest / 2), low + max(0.5, largest / 2)
+    return np.linspace(low, high, _BINS + 1)
+
+
+def _draw_histogram(
+    panel: Image, measure: Measure, values: Array, success: NDArray[np.bool_]
+) -> None:
+    height, width = panel.shape[:2]
+    put_text(panel, measure.title, (0, 14), INK)
+    if not np.isfinite(values).any():
+        put_text(panel, "no attempt came that far", (0, height // 2), PALE)
+        return
+    seen = ~np.isnan(values)
+    edges = bin_edges(values)
+    good, bad = stacked_counts(values[seen], success[seen], edges)
+    top, bottom = 30, height - 34
+    unit = (bottom - top) / max(1, int((good + bad).max()))
+    lefts = np.rint(np.linspace(0, width - 1, len(good) + 1)).astype(int)
+    cv2.rectangle(panel, (0, top), (width - 1, bottom), WHITE, cv2.FILLED)
+    for k, (n_good, n_bad) in enumerate(zip(good.tolist(), bad.tolist(), strict=True)):
+        middle = bottom - _pixels(n_good * unit)
+        end = bottom - _pixels((n_good + n_bad) * unit)
+        for upper, lower, color in ((middle, bottom, GREEN), (end, middle, RED)):
+            if upper < lower:
+                corners = (int(lefts[k]), upper), (int(lefts[k + 1]) - 1, lower - 1)
+                cv2.rectangle(panel, *corners, color, cv2.FILLED)
+    if measure.threshold is not None and edges[0] <= measure.threshold <= edges[-1]:
+        share = (measure.threshold - edges[0]) / (edges[-1] - edges[0])
+        x = round(share * (width - 1))
+        cv2.line(panel, (x, top), (x, bottom), _LINE, 2)
+    cv2.line(panel, (0, bottom), (width - 1, bottom), INK, 1)
+    put_text(panel, f"{edges[0]:.3g}", (0, bottom + 14), PALE, 11)
+    beyond = " and more" if np.nanmax(values) > edges[-1] else ""
+    _put_right(panel, f"{edges[-1]:.3g}{beyond}", (width - 1, bottom + 14))
+    _put_right(panel, f"highest bin: {int((good + bad).max())}", (width - 1, 14))
+
+
+def _pixels(length: float) -> int:
+    """Return a bar's length; what is there at all is seen."""
+    return max(1, round(length)) if length > 0.0 else 0
+
+
+def _put_right(image: Image, text: str, at: tuple[int, int]) -> None:
+    scratch = np.zeros_like(image)
+    put_text(image, text, (at[0] - put_text(scratch, text, (0, at[1]), PALE, 11), at[1]), PALE, 11)
+
+
+def _paper(height: int, width: int) -> Image:
+    return np.full((height, width, 3), PAPER, np.uint8)

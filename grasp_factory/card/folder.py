@@ -1,0 +1,105 @@
+"""The folder of a card: whose files are in it, and replacing only what nobody has changed.
+
+The README ends in a comment with the digest of every file of the card, its own text included.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from grasp_factory.errors import StoreError, UsageError
+from grasp_factory.writers.files import cannot_write, locate
+
+README = "README.md"
+_HEAD = "<!-- Written by grasp-factory card, which replaces these files until somebody changes one:"
+_DIGEST = re.compile(r"([0-9a-f]{64})  (.+)")
+
+
+def check_folder(out: Path, store: Path) -> None:
+    """Check that a card may lie in a folder.
+
+    Raises:
+        UsageError: if it is a file, or within a Zarr store, whose readers warn of foreign files.
+    """
+    out = locate(out)
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"--out {out}: is a file, valid: a folder, which may be a new one")
+    for folder in (out, *out.parents):
+        if folder == locate(store) or (folder / "zarr.json").exists():
+            what = (
+                f"--out {out}: lies in the Zarr store {folder}, whose readers warn of other files"
+            )
+            raise UsageError(f"{what}, valid: a folder beside it")
+
+
+def foreign_files(out: Path, names: Iterable[str]) -> list[str]:
+    """Return which files of these names are there that no card has written, or not so.
+
+    Raises:
+        StoreError: if one cannot be read.
+    """
+    there = [name for name in names if (out / name).exists() or (out / name).is_symlink()]
+    if not there:
+        return []
+    try:
+        sealed = _sealed(out / README)
+        return [name for name in there if sealed.get(name) != _digest_in(out, name)]
+    except OSError as error:
+        raise StoreError(f"{error.filename} cannot be read: {error.strerror}") from None
+
+
+def place(files: Mapping[str, Path], out: Path) -> None:
+    """Move finished files to their names in a folder.
+
+    Raises:
+        StoreError: if the disk or its permissions do not let them.
+    """
+    try:
+        for name, file in files.items():
+            target = out / name
+            target.parent.mkdir(exist_ok=True)
+            file.replace(target)
+    except OSError as error:
+        raise cannot_write(out, error) from None
+
+
+def seal(text: str, digests: Mapping[str, str]) -> str:
+    """Return a README's text with the digests of all files at its end.
+
+    Args:
+        text: Without them; ends in a newline.
+        digests: SHA-256 of the other files by name.
+    """
+    own = {README: hashlib.sha256(text.encode()).hexdigest()}
+    lines = [f"{digest}  {name}" for name, digest in sorted({**digests, **own}.items())]
+    return "\n".join([text, _HEAD, *lines, "-->"]) + "\n"
+
+
+def digest(file: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with file.open("rb") as data:
+        return hashlib.file_digest(data, "sha256").hexdigest()
+
+
+def _sealed(readme: Path) -> dict[str, str]:
+    """Return the digests that a README names; none if it is no card's."""
+    if not readme.is_file():
+        return {}
+    _, head, rest = readme.read_bytes().decode(errors="replace").rpartition(_HEAD)
+    lines = rest.splitlines() if head else []
+    found = [match for line in lines if (match := _DIGEST.fullmatch(line))]
+    return {match[2]: match[1] for match in found}
+
+
+def _digest_in(out: Path, name: str) -> str:
+    file = out / name
+    if not file.is_file():
+        return "no file"
+    if name != README:
+        return digest(file)
+    text, _, end = file.read_bytes().rpartition(f"\n{_HEAD}\n".encode())
+    is_whole = re.fullmatch(rb"([0-9a-f]{64}  [^\n]+\n)+-->\n", end) is not None
+    return hashlib.sha256(text).hexdigest() if is_whole else "no digests, or more than these"

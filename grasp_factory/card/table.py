@@ -1,0 +1,86 @@
+"""The episodes as one table: a column for each column of the store with one value a row."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.schema import Field
+
+NOT_IN_TABLE = frozenset(f"episodes/{name}" for name in ("status", "checksum", "spec", "error"))
+"""Columns that say nothing of an episode that was made, or that are too long for a table."""
+_CHUNK = 4096
+"""Rows that are Python's objects at a time."""
+
+
+class Kind(Enum):
+    """What the values of a column are; the values are Croissant's names."""
+
+    BOOLEAN = "sc:Boolean"
+    INTEGER = "sc:Integer"
+    FLOAT = "sc:Float"
+    TEXT = "sc:Text"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column of the table."""
+
+    name: str
+    kind: Kind
+    description: str
+    values: NDArray[Any]
+    """(n,), of the n committed rows; codes where there are words."""
+    words: tuple[str, ...] = ()
+    """For codes: the word whose position is the value."""
+
+    def cells(self, start: int, stop: int) -> list[bool | int | float | str]:
+        """Return some of its values; an empty text for a code without a word."""
+        values = self.values[start:stop].tolist()
+        if self.words:
+            known = len(self.words)
+            return [self.words[value] if value < known else "" for value in values]
+        return list(values)
+
+
+def column_of(field: Field, values: NDArray[Any]) -> Column:
+    """Return the column of a field of the store."""
+    parts = [field.description, f"[{field.units}]" if field.units else ""]
+    if field.names:
+        parts.append(f"({', '.join(field.names)})")
+    return Column(
+        name=field.path.removeprefix("episodes/"),
+        kind=Kind.TEXT if field.names else kind_of(field),
+        description=" ".join(filter(None, parts)),
+        values=values,
+        words=field.names,
+    )
+
+
+def kind_of(field: Field) -> Kind:
+    """Return the kind of a field's values."""
+    if field.dtype == "string":
+        return Kind.TEXT
+    kinds = {"b": Kind.BOOLEAN, "f": Kind.FLOAT}
+    return kinds.get(np.dtype(field.dtype).kind, Kind.INTEGER)
+
+
+def write_table(file: Path, columns: Sequence[Column]) -> None:
+    """Write the table as CSV, UTF-8, a line of names first.
+
+    Floats are the shortest texts that give the same bits again; all texts are in quotes, for a
+    name may hold what ends a line.
+    """
+    with file.open("w", encoding="utf-8", newline="") as out:
+        writer = csv.writer(out, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
+        writer.writerow([column.name for column in columns])
+        for start in range(0, len(columns[0].values), _CHUNK):
+            cells = (column.cells(start, start + _CHUNK) for column in columns)
+            writer.writerows(zip(*cells, strict=True))
