@@ -1,0 +1,208 @@
+"""All baselines on one dataset: fitted on its train objects, scored on its test objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory import __version__
+from grasp_factory.baselines.scores import FIGURES, Bootstrap, Estimate, auc
+from grasp_factory.baselines.training import Trained, TrainSettings, fit
+from grasp_factory.baselines.trivial import majority, pose_only
+from grasp_factory.baselines.watching import Watch, unwatched
+from grasp_factory.crops import CropShape
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import UsageError, lookup
+from grasp_factory.examples import ExampleReader, Examples
+from grasp_factory.geometry import Array
+from grasp_factory.networks import KINDS, TOUCH, TouchWindow
+from grasp_factory.records import check, to_plain
+
+ATTEMPTS, LIFTS = "attempts", "lifts"
+POPULATIONS: Mapping[str, str] = {
+    ATTEMPTS: "all episodes in which a grasp was planned",
+    LIFTS: "those of them that got to the lift: will what is in the hand stay there?",
+}
+"""Touch says something only where the gripper closed, so it is judged on those episodes, and what
+it is compared with is judged on the same."""
+GAINS: Sequence[tuple[str, str, str]] = (
+    (ATTEMPTS, "vision", "pose"),
+    (LIFTS, "touch", "vision"),
+    (LIFTS, "both", "vision"),
+    (LIFTS, "both", "touch"),
+)
+"""Population, and whose AUC is compared with whose."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gain:
+    """How much better one predictor's AUC is than another's on the same episodes."""
+
+    population: str
+    of: str
+    over: str
+    auc: Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Population:
+    """Held-out episodes, and every predictor's answers and scores on them."""
+
+    train_episodes: int
+    """That the predictors learned from."""
+    success: NDArray[np.bool_]
+    """(K,)."""
+    objects: int
+    probabilities: Mapping[str, Array]
+    """(K,) by predictor."""
+    scores: Mapping[str, Mapping[str, Estimate]]
+    """By predictor, then by figure."""
+    bootstrap: Bootstrap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Comparison:
+    """What came of it."""
+
+    populations: Mapping[str, Population]
+    gains: tuple[Gain, ...]
+    trained: Mapping[str, Trained]
+    """By kind."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """What is trained, on what."""
+
+    kinds: Sequence[str] = tuple(KINDS)
+    episodes: int | None = None
+    """Of the train split, the first; None for all."""
+    crop: CropShape = field(default_factory=CropShape)
+    touch: TouchWindow = field(default_factory=TouchWindow)
+    settings: TrainSettings = field(default_factory=TrainSettings)
+
+    def __post_init__(self) -> None:
+        for kind in self.kinds:
+            lookup(KINDS, "baseline", kind)
+        got = self.episodes
+        check(got is None or got >= 1, "episodes", got, "1 or more")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Splits:
+    """The examples of one population."""
+
+    train: Examples
+    val: Examples
+    test: Examples
+
+
+def compare(
+    dataset: Dataset, test: Dataset, course: Course, watch: Watch = unwatched
+) -> Comparison:
+    """Fit baselines on the train objects of a dataset and score them on the test objects.
+
+    Args:
+        dataset: Gives the train and val splits.
+        test: Gives the test split; it may be the same.
+        course: What to train.
+        watch: Follows the reading and the fitting.
+
+    Raises:
+        UsageError: if a split has too few episodes to learn or to judge from.
+    """
+    populations: dict[str, Population] = {}
+    trained: dict[str, Trained] = {}
+    for name in POPULATIONS:
+        kinds = [kind for kind in course.kinds if population_of(kind) == name]
+        if kinds:
+            splits = read_splits(dataset, test, [*kinds, *trained], course, watch)
+            for kind in kinds:
+                trained[kind] = train_on(splits, kind, course, dataset, watch)
+            populations[name] = _judge(splits, trained, course.settings.seed)
+    return Comparison(populations=populations, gains=_gains(populations), trained=trained)
+
+
+def population_of(kind: str) -> str:
+    """Return the population that a kind of network is trained and judged on."""
+    return LIFTS if TOUCH in KINDS[kind] else ATTEMPTS
+
+
+def read_splits(
+    dataset: Dataset, test: Dataset, kinds: Iterable[str], course: Course, watch: Watch
+) -> Splits:
+    """Return the examples that some kinds need; what needs touch leaves the others out.
+
+    Raises:
+        UsageError: if a split has no usable episodes, or an object is in train and in test.
+    """
+    uses = list(dict.fromkeys(name for kind in kinds for name in KINDS[kind]))
+    parts: dict[str, Examples] = {}
+    for split, source in (("train", dataset), ("val", dataset), ("test", test)):
+        reader = ExampleReader(dataset=source, uses=uses, crop=course.crop, touch=course.touch)
+        try:
+            rows = reader.usable(source.split(split))
+        except UsageError as error:
+            raise UsageError(f"split {split}: {error}; generate more, or name another") from None
+        if split == "train":
+            rows = rows[: course.episodes]
+        with watch(f"reading {split}", len(rows)) as step:
+            parts[split] = reader.read(rows, step)
+    both = np.intersect1d(parts["train"].object_id, parts["test"].object_id)
+    if len(both):
+        raise UsageError(f"object {both[0]} is in train and in test: nothing is held out")
+    return Splits(**parts)
+
+
+def train_on(
+    splits: Splits, kind: str, course: Course, dataset: Dataset, watch: Watch = unwatched
+) -> Trained:
+    """Fit a network of one kind."""
+    facts: dict[str, Any] = {
+        "grasp_factory": __version__,
+        "config_sha256": dataset.config.sha256(),
+        "train_episodes": len(splits.train),
+        "settings": to_plain(course.settings),
+    }
+    return fit(
+        kind, splits.train, splits.val, course.settings,
+        crop=course.crop, touch=course.touch, facts=facts, watch=watch,
+    )  # fmt: skip
+
+
+def _judge(splits: Splits, trained: Mapping[str, Trained], seed: int) -> Population:
+    train, test = splits.train, splits.test
+    if not 0 < test.success.sum() < len(test):
+        raise UsageError("split test: all usable episodes have one label; generate more")
+    probabilities = {
+        "majority": majority(train, test),
+        "pose": pose_only(train, test),
+        **{kind: found.model.predict(test.inputs) for kind, found in trained.items()},
+    }
+    bootstrap = Bootstrap(test.success, test.object_id, seed)
+    scores = {
+        name: {label: bootstrap.estimate(figure, p) for label, figure in FIGURES.items()}
+        for name, p in probabilities.items()
+    }
+    return Population(
+        train_episodes=len(train),
+        success=test.success,
+        objects=len(np.unique(test.object_id)),
+        probabilities=probabilities,
+        scores=scores,
+        bootstrap=bootstrap,
+    )
+
+
+def _gains(populations: Mapping[str, Population]) -> tuple[Gain, ...]:
+    found = []
+    for name, of, over in GAINS:
+        if name in populations and {of, over} <= populations[name].probabilities.keys():
+            p = populations[name].probabilities
+            gain = populations[name].bootstrap.gain(auc, p[of], p[over])
+            found.append(Gain(population=name, of=of, over=over, auc=gain))
+    return tuple(found)

@@ -1,0 +1,138 @@
+"""AUC against the number of training episodes: what more data is worth."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.baselines.comparison import Course, read_splits, train_on
+from grasp_factory.baselines.report import shown
+from grasp_factory.baselines.scores import LEVEL, Bootstrap, Estimate, auc, interval
+from grasp_factory.baselines.trivial import pose_only
+from grasp_factory.baselines.watching import Watch, unwatched
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import UsageError, lookup
+from grasp_factory.examples import Examples
+from grasp_factory.geometry import Array
+from grasp_factory.networks import KINDS, take
+from grasp_factory.records import check
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Steps:
+    """What is trained for a curve."""
+
+    kind: str = "vision"
+    sizes: tuple[int, ...] = (250, 1000, 4000)
+    """Numbers of training episodes."""
+    seeds: int = 3
+    """How often all is done."""
+
+    def __post_init__(self) -> None:
+        lookup(KINDS, "baseline", self.kind)
+        check(self.seeds >= 1, "seeds", self.seeds, "1 or more")
+        ok = len(self.sizes) > 0 and self.sizes == tuple(sorted(set(self.sizes)))
+        ok = ok and self.sizes[0] >= 2
+        check(ok, "sizes", list(self.sizes), "numbers from 2, ascending, such as 250,1000,4000")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """AUC on held-out objects by number of training episodes."""
+
+    sizes: tuple[int, ...]
+    seeds: int
+    test_episodes: int
+    test_objects: int
+    auc: Mapping[str, tuple[Estimate, ...]]
+    """By predictor, at each size: the mean over seeds; the interval is over objects and seeds."""
+    by_seed: Mapping[str, tuple[tuple[float, ...], ...]]
+    """By predictor, at each size, for each seed."""
+
+
+def learning_curve(
+    dataset: Dataset, test: Dataset, steps: Steps, course: Course, watch: Watch = unwatched
+) -> Curve:
+    """Fit a network, and the pose alone, on random parts of the train split.
+
+    With each seed another part of it is drawn, and another network begun with; the parts of one
+    seed contain one another. Which epoch is best is judged on the whole val split at every size.
+
+    Args:
+        dataset: Gives the train and val splits.
+        test: Gives the test split; it may be the same.
+        steps: Which network, and on how many episodes.
+        course: How to train; its kinds and number of episodes do not matter.
+        watch: Follows the reading and the fitting.
+
+    Raises:
+        UsageError: for a size that the train split does not have, or too few episodes.
+    """
+    kind, sizes = steps.kind, steps.sizes
+    splits = read_splits(dataset, test, [kind], dataclasses.replace(course, episodes=None), watch)
+    most = len(splits.train)
+    if sizes[-1] > most:
+        raise UsageError(f"sizes: got {sizes[-1]}, valid: up to {most}, the usable train episodes")
+    answers: dict[str, list[list[Array]]] = {kind: [], "pose": []}
+    for size in sizes:
+        for found in answers.values():
+            found.append([])
+        for seed in range(steps.seeds):
+            settings = dataclasses.replace(course.settings, seed=seed)
+            part = dataclasses.replace(splits, train=_drawn(splits.train, size, seed))
+            own = dataclasses.replace(course, settings=settings)
+            model = train_on(part, kind, own, dataset, watch).model
+            answers[kind][-1].append(model.predict(splits.test.inputs))
+            answers["pose"][-1].append(pose_only(part.train, splits.test))
+    bootstrap = Bootstrap(splits.test.success, splits.test.object_id, course.settings.seed)
+    return Curve(
+        sizes=sizes,
+        seeds=steps.seeds,
+        test_episodes=len(splits.test),
+        test_objects=len(np.unique(splits.test.object_id)),
+        auc={
+            name: tuple(_mean_auc(bootstrap, at_size) for at_size in found)
+            for name, found in answers.items()
+        },
+        by_seed={
+            name: tuple(tuple(bootstrap.whole(auc, p) for p in at_size) for at_size in found)
+            for name, found in answers.items()
+        },
+    )
+
+
+def _drawn(examples: Examples, size: int, seed: int) -> Examples:
+    """Return a random part of the examples, in their order."""
+    rows = np.sort(np.random.default_rng(seed).permutation(len(examples))[:size])
+    parts = {
+        field.name: getattr(examples, field.name)[rows]
+        for field in dataclasses.fields(examples)
+        if field.name != "inputs"
+    }
+    return Examples(inputs=take(examples.inputs, rows), **parts)
+
+
+def _mean_auc(bootstrap: Bootstrap, answers: Sequence[Array]) -> Estimate:
+    """Return the mean AUC over seeds; each resample of the objects draws seeds, too."""
+    drawn = np.array([bootstrap.over_resamples(auc, p) for p in answers])
+    whole = np.mean([bootstrap.whole(auc, p) for p in answers])
+    rng = np.random.default_rng(0)
+    picks = rng.integers(len(answers), size=drawn.shape)
+    return interval(float(whole), np.take_along_axis(drawn, picks, axis=0).mean(axis=0))
+
+
+def curve_text(curve: Curve) -> str:
+    """Return a table, a row for each size."""
+    names = list(curve.auc)
+    rows = [["episodes", *(f"AUC of {name}" for name in names)]]
+    for i, size in enumerate(curve.sizes):
+        rows.append([str(size), *(shown(curve.auc[name][i]) for name in names)])
+    lines = ["".join(f"{cell:<26}" for cell in row).rstrip() for row in rows]
+    about = (
+        f"on {curve.test_episodes} held-out episodes of {curve.test_objects} objects; mean of"
+        f" {curve.seeds} seeds, in brackets {LEVEL:.0%} over objects and seeds"
+    )
+    return "\n".join([*lines, about])

@@ -1,0 +1,198 @@
+"""The commands that learn from a store: baselines, and what more data is worth."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from grasp_factory.arguments import AS_JSON, STORE, print_json
+from grasp_factory.errors import UsageError, shown
+from grasp_factory.networks import KINDS, require
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+LIBRARIES = ("torch", "safetensors", "sklearn", "matplotlib")
+_OPTIONS = (
+    click.option(
+        "--test",
+        type=click.Path(path_type=Path),
+        metavar="PATH",
+        help="Another store, whose test split judges.  [default: the same]",
+    ),
+    click.option("--seed", type=int, default=0, show_default=True, help="Of weights and order."),
+    click.option("--epochs", type=int, help="At most.  [default: 20]"),
+    click.option("--threads", type=int, help="Of torch.  [default: 1]"),
+    click.option("--noise", help="What sensors add when examples are read: see docs/noise.md."),
+)
+
+
+def learning_options(command: F) -> F:
+    """Add the options that say how to train."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+@click.command()
+@STORE
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default="baselines",
+    show_default=True,
+    help="New folder for weights, report and plots.",
+)
+@click.option(
+    "--baseline",
+    "kinds",
+    type=click.Choice(list(KINDS)),
+    multiple=True,
+    help="What to train; repeatable.  [default: all]",
+)
+@click.option("--episodes", type=int, help="Of the train split, the first.  [default: all]")
+@learning_options
+@AS_JSON
+def train(
+    *,
+    path: Path,
+    out: Path,
+    kinds: tuple[str, ...],
+    episodes: int | None,
+    test: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Train baselines on the store at PATH and judge them on its held-out objects.
+
+    vision sees the depth image before the attempt, touch the pads' wrenches until the lift, both
+    sees both. The table has what needs no learning beside them.
+    """
+    require(*LIBRARIES)
+    from grasp_factory.baselines import plots
+    from grasp_factory.baselines.comparison import Course, compare
+    from grasp_factory.baselines.report import report_of, report_text
+    from grasp_factory.networks import save_model
+    from grasp_factory.progress import watched
+
+    settings, noise = _settings(options), options["noise"]
+    course = Course(kinds=kinds or tuple(KINDS), episodes=episodes, settings=settings)
+    dataset, judge = _open(path, test, noise)
+    _check_new(out)
+    found = compare(dataset, judge, course, watched)
+    report = report_of(found, _about(path, test, noise, course))
+    out.mkdir(parents=True, exist_ok=True)
+    for kind, fitted in found.trained.items():
+        (out / f"{kind}.safetensors").write_bytes(save_model(fitted.model))
+    plots.plot_roc(out / "roc.png", found.populations)
+    plots.plot_calibration(out / "calibration.png", found.populations)
+    _write(out / "report.json", report)
+    if as_json:
+        print_json(report)
+        return
+    click.echo(report_text(report))
+    click.echo(f"weights, report.json, roc.png and calibration.png are in {out}")
+
+
+@click.command("learning-curve")
+@STORE
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default="learning-curve",
+    show_default=True,
+    help="New folder for table and plot.",
+)
+@click.option("--sizes", default="250,1000,4000", show_default=True, help="Training episodes.")
+@click.option("--seeds", type=int, default=3, show_default=True, help="How often all is done.")
+@click.option("--baseline", "kind", type=click.Choice(list(KINDS)), default="vision",
+              show_default=True, help="What to train.")  # fmt: skip
+@learning_options
+@AS_JSON
+def learning_curve(
+    *,
+    path: Path,
+    out: Path,
+    sizes: str,
+    seeds: int,
+    kind: str,
+    test: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Train on more and more of the store at PATH and plot what it is worth.
+
+    Each size is trained with several seeds, each on another random part of the train split.
+    """
+    require(*LIBRARIES)
+    from grasp_factory.baselines import plots
+    from grasp_factory.baselines.comparison import Course
+    from grasp_factory.baselines.curve import Steps, curve_text
+    from grasp_factory.baselines.curve import learning_curve as measure
+    from grasp_factory.progress import watched
+    from grasp_factory.records import to_plain
+
+    settings, noise = _settings(options), options["noise"]
+    steps = Steps(kind=kind, sizes=_numbers(sizes), seeds=seeds)
+    course = Course(kinds=(kind,), settings=settings)
+    dataset, judge = _open(path, test, noise)
+    _check_new(out)
+    curve = measure(dataset, judge, steps, course, watched)
+    report = {**_about(path, test, noise, course), "curve": to_plain(curve)}
+    out.mkdir(parents=True, exist_ok=True)
+    title = f"{curve.test_episodes} episodes of {curve.test_objects} objects, {curve.seeds} seeds"
+    plots.plot_curve(out / "learning-curve.png", curve.sizes, curve.auc, title)
+    _write(out / "learning-curve.json", report)
+    if as_json:
+        print_json(report)
+        return
+    click.echo(curve_text(curve))
+    click.echo(f"learning-curve.json and learning-curve.png are in {out}")
+
+
+def _settings(options: dict[str, Any]) -> Any:
+    from grasp_factory.baselines.training import TrainSettings
+
+    given = {key: options[key] for key in ("seed", "epochs", "threads")}
+    return TrainSettings(**{key: value for key, value in given.items() if value is not None})
+
+
+def _open(path: Path, test: Path | None, noise: str | None) -> tuple[Any, Any]:
+    from grasp_factory.dataset import Dataset
+
+    dataset = Dataset.open(path, noise=noise)
+    return dataset, Dataset.open(test, noise=noise) if test else dataset
+
+
+def _about(path: Path, test: Path | None, noise: str | None, course: Any) -> dict[str, Any]:
+    """Return what a report says of where it comes from; no time of day, so that runs compare."""
+    from grasp_factory.records import to_plain
+
+    return {
+        "store": str(path),
+        "test": str(test or path),
+        "noise": noise,
+        "course": to_plain(course),
+    }
+
+
+def _check_new(out: Path) -> None:
+    """Check that nothing would be overwritten."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise UsageError(f"{out} is there already; give another folder with --out")
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(word) for word in text.split(","))
+    except ValueError:
+        raise UsageError(f"--sizes {shown(text)}: expected numbers such as 250,1000,4000") from None
+
+
+def _write(path: Path, report: dict[str, Any]) -> None:
+    path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")

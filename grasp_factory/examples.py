@@ -1,0 +1,191 @@
+"""Examples for learning: from episodes of a store to what networks are shown, and the labels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.crops import CropShape, grasp_relief
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import UsageError, lookup
+from grasp_factory.geometry import Array, pose_matrices
+from grasp_factory.networks.inputs import (
+    IMAGE,
+    TOUCH,
+    WIDTH,
+    Inputs,
+    TouchWindow,
+    image_of,
+    touch_of,
+    width_of,
+)
+from grasp_factory.outcome import Phase
+
+TOUCH_STREAMS = ("timestamp", "phase", "tactile_wrench")
+INPUTS = (IMAGE, WIDTH, TOUCH)
+LOOKS_AT = ("depth", "segmentation")
+AT_ONCE = 16
+"""Images of a kind and camera in memory: 20 MB of depth at 640 x 480."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Grasps:
+    """What the columns say of some episodes."""
+
+    rows: NDArray[np.int64]
+    """(K,) in the store."""
+    success: NDArray[np.bool_]
+    """(K,)."""
+    object_id: NDArray[np.str_]
+    """(K,)."""
+    T_world_tcp: Array
+    """(K, 4, 4): the grasps."""
+    width: Array
+    """(K,) metres, before closing."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def take(self, places: NDArray[np.int64] | slice) -> Grasps:
+        """Return those at some places."""
+        return Grasps(
+            rows=self.rows[places],
+            success=self.success[places],
+            object_id=self.object_id[places],
+            T_world_tcp=self.T_world_tcp[places],
+            width=self.width[places],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Examples:
+    """Episodes as networks see them, with what is known of them."""
+
+    inputs: Inputs
+    rows: NDArray[np.int64]
+    """(K,) in the store."""
+    success: NDArray[np.bool_]
+    """(K,)."""
+    object_id: NDArray[np.str_]
+    """(K,)."""
+    T_world_tcp: Array
+    """(K, 4, 4): the grasps."""
+    width: Array
+    """(K,) metres, before closing."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExampleReader:
+    """Reads examples from a store, none of it before it is asked for.
+
+    Attributes:
+        dataset: The store; with ``noise``, examples are noisy.
+        uses: Names of the inputs that are wanted.
+    """
+
+    dataset: Dataset
+    uses: Sequence[str]
+    crop: CropShape = field(default_factory=CropShape)
+    touch: TouchWindow = field(default_factory=TouchWindow)
+
+    def __post_init__(self) -> None:
+        """Refuse inputs that there are not.
+
+        Raises:
+            UnknownNameError: listing them.
+            UsageError: if none is wanted.
+        """
+        for name in self.uses:
+            lookup(dict.fromkeys(INPUTS), "input", name)
+        if not self.uses:
+            raise UsageError(f"uses: got no input, valid: some of {', '.join(INPUTS)}")
+
+    def usable(self, rows: NDArray[np.int64] | None = None) -> NDArray[np.int64]:
+        """Return those of some rows (None for all) that have a grasp, ascending.
+
+        With touch among the inputs only those that got to the lift.
+
+        Raises:
+            UsageError: if there is none.
+        """
+        rows = self.dataset.committed if rows is None else np.sort(rows)
+        planned = np.isfinite(self.dataset.column("grasp_position")[rows]).all(axis=1)
+        rows = rows[planned]
+        if TOUCH in self.uses:
+            rows = rows[[self._has_lift(row) for row in rows.tolist()]]
+        if not len(rows):
+            raise UsageError(f"{self.dataset.path} has no episodes with a grasp to learn from")
+        return rows
+
+    def grasps(self, rows: NDArray[np.int64]) -> Grasps:
+        """Return what the columns say of usable rows, in their order."""
+        column = self.dataset.column
+        poses = np.concatenate(
+            [column("grasp_position")[rows], column("grasp_quat_xyzw")[rows]], axis=1
+        )
+        return Grasps(
+            rows=rows,
+            success=column("success")[rows],
+            object_id=column("object_id")[rows],
+            T_world_tcp=pose_matrices(poses),
+            width=column("grasp_width")[rows],
+        )
+
+    def read(self, rows: NDArray[np.int64], on_row: Callable[[], None] = lambda: None) -> Examples:
+        """Return the examples of usable rows, in their order.
+
+        Args:
+            rows: Which.
+            on_row: Called after each.
+        """
+        grasps = self.grasps(rows)
+        return Examples(
+            inputs=self.inputs(grasps, on_row),
+            rows=grasps.rows,
+            success=grasps.success,
+            object_id=grasps.object_id,
+            T_world_tcp=grasps.T_world_tcp,
+            width=grasps.width,
+        )
+
+    def inputs(self, grasps: Grasps, on_row: Callable[[], None] = lambda: None) -> Inputs:
+        """Return what networks are shown of episodes, in their order.
+
+        They are read in the order of their rows, so that a block's files are opened once.
+
+        Args:
+            grasps: The episodes.
+            on_row: Called after each.
+        """
+        inputs: dict[str, NDArray[np.float32]] = {}
+        size, count = self.crop.size, len(grasps)
+        if IMAGE in self.uses:
+            inputs[IMAGE] = np.empty((count, 3, size, size), np.float32)
+        if TOUCH in self.uses:
+            inputs[TOUCH] = np.empty((count, 2, 6, self.touch.samples), np.float32)
+        if WIDTH in self.uses:
+            inputs[WIDTH] = width_of(grasps.width)
+        order = np.argsort(grasps.rows, kind="stable")
+        for start in range(0, count, AT_ONCE):
+            places = order[start : start + AT_ONCE]
+            rows = grasps.rows[places].tolist()
+            scenes = self.dataset.scenes(rows, LOOKS_AT) if IMAGE in inputs else []
+            for k, (place, row) in enumerate(zip(places.tolist(), rows, strict=True)):
+                if IMAGE in inputs:
+                    seen = scenes[k].values()
+                    relief = grasp_relief(seen, grasps.T_world_tcp[place], self.crop)
+                    inputs[IMAGE][place] = image_of(relief)
+                if TOUCH in inputs:
+                    series = self.dataset.series(row, *TOUCH_STREAMS)
+                    inputs[TOUCH][place] = touch_of(series, self.touch)
+                on_row()
+        return inputs
+
+    def _has_lift(self, row: int) -> bool:
+        return bool((self.dataset.series(row, "phase")["phase"] >= Phase.LIFT).any())

@@ -1,0 +1,39 @@
+"""Small networks that say whether a grasp will hold: their inputs, weights and predictions.
+
+A new kind of input is a function in ``inputs.py`` and a trunk in ``nets.py``; a new network that
+looks at other inputs is one row of ``KINDS``. Importing this package does not import torch.
+"""
+
+from __future__ import annotations
+
+from grasp_factory.networks.inputs import (
+    KINDS,
+    TOUCH,
+    Inputs,
+    TouchWindow,
+    grasp_inputs,
+    image_of,
+    mirrored,
+    take,
+    touch_of,
+    width_of,
+)
+from grasp_factory.networks.loading import load_model, require, save_model
+from grasp_factory.networks.model import GraspModel
+
+__all__ = [
+    "KINDS",
+    "TOUCH",
+    "GraspModel",
+    "Inputs",
+    "TouchWindow",
+    "grasp_inputs",
+    "image_of",
+    "load_model",
+    "mirrored",
+    "require",
+    "save_model",
+    "take",
+    "touch_of",
+    "width_of",
+]

@@ -1,0 +1,115 @@
+"""Weights in safetensors, a format that holds numbers and a header of JSON, and never code."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from importlib.util import find_spec
+from typing import Any
+
+from grasp_factory.crops import CropShape
+from grasp_factory.errors import UsageError, shown
+from grasp_factory.networks.inputs import KINDS, TouchWindow
+from grasp_factory.networks.model import GraspModel
+from grasp_factory.records import from_plain, to_plain
+
+KEY = "grasp_factory"
+"""Of the header's metadata, under which the JSON is."""
+FORMAT = 1
+LONGEST_HEADER = 2**20
+
+
+def require(*modules: str) -> None:
+    """Check that optional libraries are there.
+
+    Raises:
+        UsageError: naming those that are not, and how to install them.
+    """
+    missing = [name for name in modules if find_spec(name) is None]
+    if missing:
+        raise UsageError(
+            f"this needs {', '.join(missing)}, not installed: pip install 'grasp-factory[train]'"
+        )
+
+
+def save_model(model: GraspModel) -> bytes:
+    """Return the file of a model; equal models give equal bytes."""
+    require("torch", "safetensors")
+    from safetensors.torch import save
+
+    header = {
+        "format": FORMAT,
+        "kind": model.kind,
+        "crop": to_plain(model.crop),
+        "touch": to_plain(model.touch),
+        "slope": model.slope,
+        "offset": model.offset,
+        "facts": model.facts,
+    }
+    state = {name: tensor.contiguous() for name, tensor in model.network.state_dict().items()}
+    return bytes(save(state, {KEY: json.dumps(header, sort_keys=True)}))
+
+
+def load_model(data: bytes, kind: str = "vision") -> GraspModel:
+    """Return the model in a file's bytes.
+
+    Args:
+        data: What ``save_model`` returned.
+        kind: One of ``KINDS`` that it must be, or "" for any.
+
+    Raises:
+        UsageError: if it is no model, one of another kind, or torch is not installed.
+    """
+    require("torch", "safetensors")
+    import torch
+    from safetensors import SafetensorError
+    from safetensors.torch import load
+
+    from grasp_factory.networks.nets import GraspNet
+
+    header = _header(data)
+    found = header["kind"]
+    if kind not in ("", found):
+        raise UsageError(f"it is a model of kind {shown(found)}, valid: {kind}")
+    try:
+        crop = from_plain(CropShape, header["crop"], "crop")
+        window = from_plain(TouchWindow, header["touch"], "touch")
+        network = GraspNet(KINDS[found], crop.size)
+        network.load_state_dict(load(data))
+        slope, offset = float(header["slope"]), float(header["offset"])
+    except (KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
+        reason = str(error).splitlines()[0][:200]
+        raise UsageError(f"its contents do not fit a model of kind {found}: {reason}") from None
+    if not all(torch.isfinite(tensor).all() for tensor in network.state_dict().values()):
+        raise UsageError("its weights are not all finite numbers")
+    return GraspModel(
+        kind=found, crop=crop, touch=window, network=network.eval(), slope=slope, offset=offset,
+        facts=header.get("facts", {}), sha256=hashlib.sha256(data).hexdigest(),
+    )  # fmt: skip
+
+
+def _header(data: bytes) -> Mapping[str, Any]:
+    """Return our part of a file's header: its first 8 bytes say how long that is, then JSON.
+
+    Raises:
+        UsageError: if there is none of a known format.
+    """
+    length = int.from_bytes(data[:8], "little")
+    try:
+        if not 0 < length <= min(LONGEST_HEADER, len(data) - 8):
+            raise ValueError("no safetensors header")
+        header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"][KEY])
+        is_ours = header["format"] == FORMAT and header["kind"] in KINDS
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise UsageError(
+            "it is no model of grasp-factory; `grasp-factory train` makes one"
+        ) from None
+    if not is_ours:
+        raise UsageError(
+            f"it is a model of format {shown(header['format'])}, kind {shown(header['kind'])};"
+            f" valid: format {FORMAT}, kind {' or '.join(KINDS)}"
+        )
+    return dict(header)
