@@ -19,6 +19,7 @@ from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode, EpisodeSpec
 from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.executors import Report
+from grasp_factory.models import find_model
 from grasp_factory.request import Request
 from grasp_factory.rollout import run_episode
 from grasp_factory.sampling import sample_spec
@@ -123,7 +124,10 @@ class BlockMaker:
 
         Raises:
             StoreError: if the machine is at fault.
+            UsageError: if a trained model cannot be loaded here, which is no episode's fault.
         """
+        for sha256 in self._config.models.values():
+            find_model(sha256)
         if lost:
             return Quarantined(spec, lost)
         try:

@@ -1,48 +1,80 @@
-"""A store carries the users' objects that its episodes drop, so that it never loses them."""
+"""A store carries the users' objects and the trained models that its episodes were made with."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from grasp_factory import models
+from grasp_factory.cache import digest
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, StoreError
 from grasp_factory.objects import find_set
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
-from grasp_factory.writers.objects import read_objects
+from grasp_factory.writers.carried import MODELS, OBJECTS, carried_by, read_carried
 
 
 def packed(config: FactoryConfig) -> dict[str, bytes]:
-    """Return an archive of each user's folder that a config names, by the name of its set.
+    """Return what a store of this config carries, by path in the store.
 
     Raises:
-        ConfigError: if this machine has not imported one of them.
+        ConfigError: if this machine has not imported some of it.
     """
-    return {name: pack_folder(sha256) for name, sha256 in config.object_folders.items()}
+    pack = {OBJECTS: pack_folder, MODELS: models.read}
+    return {path: pack[_group(path)](sha256) for path, sha256 in carried_by(config).items()}
 
 
 def unpack(path: Path, config: FactoryConfig) -> None:
-    """Make sure that this machine has the users' objects of the store at ``path``, if any.
+    """Make sure that this machine has what the store at ``path`` carries, if anything.
 
     What its cache lacks is taken from the store, where there is one already.
 
     Raises:
         StoreError: if the store's copy is damaged.
     """
-    for name, sha256 in config.object_folders.items():
-        try:
-            find_set(name, sha256)
-        except ConfigError:
-            data = read_objects(path, name)
-            if data is not None:
-                _unpack_whole(path, name, sha256, data)
+    for name, sha256 in carried_by(config).items():
+        if not _is_here(name, sha256):
+            content = read_carried(path, name)
+            if content is not None:
+                _unpack_whole(path, name, sha256, content)
 
 
-def _unpack_whole(path: Path, name: str, sha256: str, data: bytes) -> None:
-    """Put an archive into the cache if it is the one that the config names."""
+def how_to_import(path: str) -> str:
+    """Return what brings onto this machine what stores carry at a path."""
+    if _group(path) == MODELS:
+        return "import its file with grasp-factory generate --model FILE --print-config"
+    return "import its folder with grasp-factory objects DIR"
+
+
+def _group(path: str) -> str:
+    return path.partition("/")[0]
+
+
+def _is_here(path: str, sha256: str) -> bool:
+    group, _, name = path.partition("/")
     try:
-        found = unpack_folder(data)
+        if group == MODELS:
+            models.read(sha256)
+        else:
+            find_set(name, sha256)
+    except ConfigError:
+        return False
+    return True
+
+
+def _unpack_whole(path: Path, name: str, sha256: str, content: bytes) -> None:
+    """Put something into the cache if it is what the config names."""
+    what = _said(name)
+    try:
+        found = digest(content) if _group(name) == MODELS else unpack_folder(content)
     except StoreError as error:
-        raise StoreError(f"{path} is damaged: its objects of set {name!r}: {error}") from None
+        raise StoreError(f"{path} is damaged: {what}: {error}") from None
     if found != sha256:
-        what = f"its objects of set {name!r} are not those that it was made with"
-        raise StoreError(f"{path} is damaged: {what}")
+        raise StoreError(f"{path} is damaged: {what} is not what it was made with")
+    if _group(name) == MODELS:
+        models.keep(content)
+
+
+def _said(path: str) -> str:
+    group, _, name = path.partition("/")
+    whose = "model of policy" if group == MODELS else "archive of object set"
+    return f"its {whose} {name!r}"

@@ -17,8 +17,11 @@ import click
 
 from grasp_factory import __version__
 from grasp_factory.arguments import AS_JSON, STORE, Commands, indices, print_json
+from grasp_factory.cli_card import card
+from grasp_factory.cli_flywheel import flywheel
 from grasp_factory.cli_merge import merge, split
 from grasp_factory.cli_store import repair, verify
+from grasp_factory.cli_train import learning_curve, train
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import (
     EXIT_DONE,
@@ -277,7 +280,7 @@ _add_listing("robots", "List the robots.")
 _add_listing("policies", "List the policies, which choose grasps from images.")
 _add_listing("cameras", "List the cameras that have names.")
 
-for _command in (merge, repair, split, verify):
+for _command in (card, flywheel, learning_curve, merge, repair, split, train, verify):
     cli.add_command(_command)
 
 

@@ -13,11 +13,9 @@ import click
 
 from grasp_factory.arguments import AS_JSON, STORE, print_json
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.networks import KINDS, require
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-LIBRARIES = ("torch", "safetensors", "sklearn", "matplotlib")
 _OPTIONS = (
     click.option(
         "--test",
@@ -51,9 +49,9 @@ def learning_options(command: F) -> F:
 @click.option(
     "--baseline",
     "kinds",
-    type=click.Choice(list(KINDS)),
+    metavar="NAME",
     multiple=True,
-    help="What to train; repeatable.  [default: all]",
+    help="vision, touch or both; repeatable.  [default: all three]",
 )
 @click.option("--episodes", type=int, help="Of the train split, the first.  [default: all]")
 @learning_options
@@ -73,7 +71,7 @@ def train(
     vision sees the depth image before the attempt, touch the pads' wrenches until the lift, both
     sees both. The table has what needs no learning beside them.
     """
-    require(*LIBRARIES)
+    _check_libraries()
     from grasp_factory.baselines import plots
     from grasp_factory.baselines.comparison import Course, compare
     from grasp_factory.baselines.report import report_of, report_text
@@ -81,7 +79,7 @@ def train(
     from grasp_factory.progress import watched
 
     settings, noise = _settings(options), options["noise"]
-    course = Course(kinds=kinds or tuple(KINDS), episodes=episodes, settings=settings)
+    course = Course(kinds=kinds or Course().kinds, episodes=episodes, settings=settings)
     dataset, judge = _open(path, test, noise)
     _check_new(out)
     found = compare(dataset, judge, course, watched)
@@ -110,8 +108,14 @@ def train(
 )
 @click.option("--sizes", default="250,1000,4000", show_default=True, help="Training episodes.")
 @click.option("--seeds", type=int, default=3, show_default=True, help="How often all is done.")
-@click.option("--baseline", "kind", type=click.Choice(list(KINDS)), default="vision",
-              show_default=True, help="What to train.")  # fmt: skip
+@click.option(
+    "--baseline",
+    "kind",
+    metavar="NAME",
+    default="vision",
+    show_default=True,
+    help="vision, touch or both.",
+)
 @learning_options
 @AS_JSON
 def learning_curve(
@@ -129,7 +133,7 @@ def learning_curve(
 
     Each size is trained with several seeds, each on another random part of the train split.
     """
-    require(*LIBRARIES)
+    _check_libraries()
     from grasp_factory.baselines import plots
     from grasp_factory.baselines.comparison import Course
     from grasp_factory.baselines.curve import Steps, curve_text
@@ -153,6 +157,12 @@ def learning_curve(
         return
     click.echo(curve_text(curve))
     click.echo(f"learning-curve.json and learning-curve.png are in {out}")
+
+
+def _check_libraries() -> None:
+    from grasp_factory.networks import require
+
+    require("torch", "safetensors", "sklearn", "matplotlib")
 
 
 def _settings(options: dict[str, Any]) -> Any:

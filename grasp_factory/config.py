@@ -33,6 +33,7 @@ from grasp_factory.sections import (
     ShakeConfig,
     WorkspaceConfig,
 )
+from grasp_factory.splits import SPLITS
 from grasp_factory.stepping import PhysicsConfig
 from grasp_factory.thresholds import QualityConfig
 
@@ -77,6 +78,8 @@ class FactoryConfig:
     """Object set name to weight: each object is drawn from one of them."""
     object_folders: Mapping[str, str] = field(default_factory=dict)
     """User's object set to the SHA-256 of its contents (``grasp-factory objects DIR``)."""
+    object_splits: tuple[str, ...] = SPLITS
+    """Objects are drawn from these splits only: some of train, val and test."""
     clutter: ClutterConfig = field(default_factory=ClutterConfig)
     cameras: Mapping[str, CameraConfig] = field(
         default_factory=lambda: {"front": CAMERAS["front"].config}
@@ -115,6 +118,7 @@ class FactoryConfig:
         check_range(self, "video_hz", 0, 240, "Hz")
         _check_weights("policies", self.policies)
         _check_weights("object_sets", self.object_sets)
+        self._check_splits()
         check(len(self.cameras) > 0, "cameras", {}, "at least one camera")
         for name in self.cameras:
             check(name.isidentifier(), "cameras", name, "names of letters, digits and _")
@@ -131,6 +135,14 @@ class FactoryConfig:
         strongest = max(self.shake.levels, default=0.0)
         valid = f"at most the last of shake.levels ({strongest})"
         check(self.label.min_shake <= strongest, "label.min_shake", self.label.min_shake, valid)
+
+    def _check_splits(self) -> None:
+        """Check the splits and put them in their order, for the order says nothing."""
+        got = self.object_splits
+        ok = 0 < len(got) == len(set(got)) and set(got) <= set(SPLITS)
+        check(ok, "object_splits", list(got), f"some of {', '.join(SPLITS)}, each once")
+        ordered = tuple(split for split in SPLITS if split in got)
+        object.__setattr__(self, "object_splits", ordered)
 
     def _check_resolution(self) -> None:
         sides = [16 <= side <= 4096 for side in self.resolution]
@@ -176,6 +188,15 @@ class FactoryConfig:
             ok = 1.0 <= angle - jitter and angle + jitter <= 170.0
             valid = f"such that cameras.{name}.fov_y_deg ({angle}) stays within 1 to 170 degrees"
             check(ok, "randomize.cameras.fov_y_deg", jitter, valid)
+
+    @property
+    def models(self) -> dict[str, str]:
+        """The SHA-256 of each policy's trained model, by policy; of those that have one.
+
+        It is the policy's setting ``model``.
+        """
+        settings = {name: self.policy_parameters.get(name, {}) for name in self.policies}
+        return {name: str(own["model"]) for name, own in settings.items() if own.get("model")}
 
     @property
     def imu_rate(self) -> int:

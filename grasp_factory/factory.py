@@ -19,7 +19,8 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, StoreBusyError, StoreError, lookup
 from grasp_factory.executors import ProcessExecutor, make_executor
 from grasp_factory.losses import Failures, Losses
-from grasp_factory.objects import OBJECT_SETS, find_set
+from grasp_factory.models import find_model
+from grasp_factory.objects import OBJECT_SETS, check_splits, find_set
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import check
 from grasp_factory.replay import changed_since
@@ -127,8 +128,8 @@ def generate(
     check_renderer(config.renderer)
     with saying_how_to_go_on(), _lock(request) as lock, RunLog(target, request) as log:
         if lock.is_alone:
-            facts, objects = {"robot": robot.facts()}, carried.packed(config)
-            prepare_store(path, config, len(robot.arm_joints), request.n, facts, objects=objects)
+            facts, files = {"robot": robot.facts()}, carried.packed(config)
+            prepare_store(path, config, len(robot.arm_joints), request.n, facts, carried=files)
             lock.share()
         plan = _plan(request)
         on_start(plan)
@@ -162,11 +163,16 @@ def check_names(config: FactoryConfig) -> RobotModel:
     Raises:
         UnknownNameError: naming the kind, the nearest and all valid names.
         ConfigError: naming a policy's setting, or what the robot cannot do.
+        UsageError: if a trained model cannot be loaded.
     """
     for name in {**config.policies, **config.policy_parameters}:
         lookup(POLICIES, "policy", name).settings(config.policy_parameters.get(name, {}))
-    for object_set in config.object_sets:
-        find_set(object_set, config.object_folders.get(object_set, ""))
+    for sha256 in config.models.values():
+        find_model(sha256)
+    for object_set, weight in config.object_sets.items():
+        found = find_set(object_set, config.object_folders.get(object_set, ""))
+        if weight:
+            check_splits(found, config.object_splits)
     for folder in config.object_folders:
         ok = folder not in OBJECT_SETS and folder in config.object_sets
         valid = "a set of object_sets that is none of those that are shipped"

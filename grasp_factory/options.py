@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,6 +20,7 @@ from grasp_factory.randomize import RANDOMIZE_PRESETS
 from grasp_factory.records import check
 from grasp_factory.renderer import Renderer
 from grasp_factory.request import Request, resolve_request
+from grasp_factory.splits import SPLITS
 from grasp_factory.stepping import PHYSICS_PRESETS
 from grasp_factory.yamltext import read_yaml
 
@@ -26,6 +28,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 REQUEST = Request(config=FactoryConfig())
 DEFAULTS = REQUEST.config
+_LEARNED = "learned"
 _SIZE = "x".join(str(side) for side in DEFAULTS.resolution)
 
 _OPTIONS = (
@@ -42,6 +45,11 @@ _OPTIONS = (
         help="One of `grasp-factory policies`, with the weight of its share; repeatable.",
     ),
     click.option(
+        "--model",
+        type=click.Path(path_type=Path),
+        help="File of the trained model that the policy learned ranks its grasps by.",
+    ),
+    click.option(
         "--objects",
         "object_sets",
         type=weighted,
@@ -49,6 +57,13 @@ _OPTIONS = (
         multiple=True,
         help="One of `grasp-factory objects`, or a folder of meshes and URDFs, with the weight of"
         " its share; repeatable.",
+    ),
+    click.option(
+        "--split",
+        "object_splits",
+        type=click.Choice(SPLITS),
+        multiple=True,
+        help="Drop objects of this split only; repeatable.  [default: all]",
     ),
     click.option(
         "--clutter",
@@ -154,19 +169,22 @@ def dataset_options(command: F) -> F:
     return command
 
 
-def request_from(*, file: Path | None, assignments: tuple[str, ...], **flags: Any) -> Request:
-    """Return the checked request that options describe; folders of objects are imported.
+def request_from(
+    *, file: Path | None, assignments: tuple[str, ...], model: Path | None, **flags: Any
+) -> Request:
+    """Return the checked request that options describe; folders and models are imported.
 
     Raises:
-        UsageError: for a folder in which no object can be used.
+        UsageError: for a folder in which no object can be used, or a file that is no model.
         ConfigError: naming the key, what it got and what is valid.
     """
     settings = {key: value for key, value in flags.items() if value not in (None, ())}
     for key, option in (("policies", "--policy"), ("object_sets", "--objects")):
         if key in settings:
             settings[key] = _once_each(option, settings[key])
-    if "cameras" in settings:
-        settings["cameras"] = list(settings["cameras"])
+    for key in ("cameras", "object_splits"):
+        if key in settings:
+            settings[key] = list(settings[key])
     written = read_yaml(file) if file else {}
     folders = [name for name in settings.get("object_sets", {}) if _is_folder(name)]
     if folders:
@@ -176,7 +194,20 @@ def request_from(*, file: Path | None, assignments: tuple[str, ...], **flags: An
         names = {text: name for text, (name, _) in digests.items()}
         settings["object_sets"] = {names.get(t, t): weight for t, weight in weights.items()}
         settings["object_folders"] = dict(digests.values())
-    return resolve_request(written, settings, assignments)
+    request = resolve_request(written, settings, assignments)
+    return request if model is None else _with_model(request, model)
+
+
+def _with_model(request: Request, file: Path) -> Request:
+    """Return a request for what the policy ``learned`` does with a model, which is imported."""
+    from grasp_factory.models import import_model
+
+    config = request.config
+    if _LEARNED not in config.policies:
+        raise UsageError(f"--model is for the policy {_LEARNED}: add --policy {_LEARNED}")
+    own = {**config.policy_parameters.get(_LEARNED, {}), "model": import_model(file)}
+    parameters = {**config.policy_parameters, _LEARNED: own}
+    return replace(request, config=replace(config, policy_parameters=parameters))
 
 
 def _once_each(option: str, pairs: Sequence[tuple[str, float]]) -> dict[str, float]:

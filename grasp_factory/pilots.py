@@ -96,8 +96,8 @@ def fly(
     with _place_beside(request.out) as place:
         store, begun = place / "pilots.zarr", time.monotonic()
         robot = check_names(config)
-        facts, objects = {"robot": robot.facts()}, carried.packed(config)
-        prepare_store(store, config, len(robot.arm_joints), length, facts, objects=objects)
+        facts, files = {"robot": robot.facts()}, carried.packed(config)
+        prepare_store(store, config, len(robot.arm_joints), length, facts, carried=files)
         prepared = time.monotonic()
         empty_bytes = summarise(Dataset.open(store)).bytes
 

@@ -67,6 +67,13 @@ def counted(each: str) -> Iterator[dict[str, Callable[..., None]]]:
         yield {"on_start": start, each: count}
 
 
+@contextlib.contextmanager
+def watched(what: str, steps: int) -> Iterator[Callable[[], None]]:
+    """Give what to call after each step of some work, which shows a bar."""
+    with Counter(steps, what) as counter:
+        yield counter.count
+
+
 class Progress:
     """Says what will be done, then shows a bar; the bar only where stderr is a terminal."""
 

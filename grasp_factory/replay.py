@@ -106,7 +106,7 @@ def first_different(before: Arrays, after: Arrays) -> str:
 def changed_since(attributes: Mapping[str, Any]) -> list[str]:
     """Return ``what: recorded, now present`` for each version and platform fact that changed."""
     out = []
-    for group, now in _here().items():
+    for group, now in _here(FactoryConfig.from_plain(attributes["config"])).items():
         then = attributes.get(group, {})
         for key in now:
             if then.get(key) != now[key]:
@@ -114,8 +114,8 @@ def changed_since(attributes: Mapping[str, Any]) -> list[str]:
     return out
 
 
-def _here() -> dict[str, dict[str, str]]:
-    ours = root_attributes(FactoryConfig(), {})
+def _here(config: FactoryConfig) -> dict[str, dict[str, str]]:
+    ours = root_attributes(config, {})
     return {group: ours[group] for group in ("versions", "platform")}
 
 

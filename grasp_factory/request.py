@@ -28,6 +28,8 @@ MAX_WORKERS = 512
 MAX_SHARDS = 10_000
 EPISODE_TIMEOUT_S = 600.0
 MAX_FAILURES = 0.25
+OPEN_TABLE = "policy_parameters"
+"""Of tables with defaults for all: an assignment may be the first to name one of them."""
 RUN_KEYS = ("n", "workers", "out", "shard", "episode_timeout", "max_failures", "retry_quarantined")
 CONFIG_KEYS = tuple(f.name for f in dataclasses.fields(FactoryConfig))
 SECTIONS = sections_of(FactoryConfig)
@@ -200,7 +202,7 @@ def _assign(settings: dict[str, Any], text: str) -> None:
     parsed = parse_yaml(value, f"--set {shown(text)}: {shown(value)}")
     here = settings
     for depth, part in enumerate(path[:-1], 1):
-        inner = here.get(part)
+        inner = here.get(part, {} if path[0] == OPEN_TABLE and depth == 2 else None)
         if not isinstance(inner, dict):
             raise ConfigError(f"--set {shown(text)}: {'.'.join(path[:depth])[:100]} has no keys")
         here[part] = dict(inner)  # an alias in the file may stand for it elsewhere too

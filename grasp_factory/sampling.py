@@ -11,7 +11,7 @@ import numpy as np
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import EpisodeSpec, ObjectSpec
 from grasp_factory.errors import lookup
-from grasp_factory.objects import ObjectModel, find_set
+from grasp_factory.objects import ObjectModel, draw_of, find_set
 from grasp_factory.placement import Placed, place_around, place_target
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import to_plain
@@ -126,7 +126,8 @@ def _sample_objects(config: FactoryConfig, index: int) -> tuple[ObjectSpec, ...]
 
 def _draw_model(config: FactoryConfig, rng: np.random.Generator) -> tuple[str, ObjectModel]:
     name = _draw_name(config.object_sets, rng)
-    return name, find_set(name, config.object_folders.get(name, "")).draw(rng)
+    found = find_set(name, config.object_folders.get(name, ""))
+    return name, draw_of(found, config.object_splits, rng)
 
 
 def _draw_neighbor(

@@ -179,8 +179,8 @@ WORDS = st.sampled_from(
 TEXTS = WORDS | st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=12)
 OPTIONS = (
     "--n", "--workers", "--shard", "--episode-timeout", "--max-failures", "--seed", "--robot",
-    "--policy", "--objects", "--clutter", "--camera", "--resolution", "--renderer", "--randomize",
-    "--physics", "--record-hz", "--video-hz", "--set", "--config",
+    "--policy", "--model", "--objects", "--split", "--clutter", "--camera", "--resolution",
+    "--renderer", "--randomize", "--physics", "--record-hz", "--video-hz", "--set", "--config",
 )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ EVERYTHING_ELSE = {
     "robot": "panda",
     "policies": {"uniform": 0.5},
     "object_sets": {"classic": 2.0},
+    "object_splits": ["train", "test"],
     "cameras": {"wrist": {"eye": [1.0, 0.5, 0.5], "target": [0.0, 0.0, 0.0], "fov_y_deg": 60.0}},
     "resolution": [16, 4096],
     "record_hz": 60,
@@ -58,6 +59,12 @@ def test_the_hash_follows_the_content_and_not_the_order_of_keys() -> None:
     assert a.sha256() == b.sha256() != FactoryConfig(seed=3).sha256()
 
 
+def test_the_order_of_splits_says_nothing() -> None:
+    a, b = (FactoryConfig(object_splits=splits) for splits in (("test", "val"), ("val", "test")))
+    assert a == b
+    assert a.sha256() == b.sha256() != FactoryConfig().sha256()
+
+
 def test_a_spec_survives_json() -> None:
     spec = make_spec(small_config(), 5)
     assert EpisodeSpec.from_json(spec.to_json()) == spec
@@ -86,6 +93,10 @@ WRONG: list[tuple[Any, str]] = [
     ({"policies": {"uniform": 0}}, "policies: got {'uniform': 0.0}, valid: names with weights"),
     ({"policies": {"uniform": "2"}}, "policies.uniform: expected a number, got '2'"),
     ({"policies": ["uniform"]}, "policies: expected a mapping, got ['uniform']"),
+    ({"object_splits": "test"}, "object_splits: expected a list, got 'test'"),
+    ({"object_splits": []}, "object_splits: got [], valid: some of train, val, test, each once"),
+    ({"object_splits": ["tset"]}, "object_splits: got ['tset'], valid: some of train, val, test"),
+    ({"object_splits": ["val", "val"]}, "object_splits: got ['val', 'val'], valid: some of"),
     ({"cameras": {"a b": {"eye": [1, 0, 1], "target": [0, 0, 0]}}}, "cameras: got 'a b', valid:"),
     ({"cameras": {"c": {"eye": [1, 0, 1]}}}, "missing key 'cameras.c.target'"),
     ({"cameras": {"c": {"eye": [0, 0, 1], "target": [0, 0, 0]}}}, "cameras.c.up: got"),
@@ -159,6 +170,15 @@ def test_an_assignment_reaches_into_a_default_camera() -> None:
     config = resolve_request({}, {}, ["cameras.front.eye=[1.5, 0.1, 0.7]"]).config
     assert config.cameras["front"].eye == (1.5, 0.1, 0.7)
     assert config.cameras["front"].target == FactoryConfig().cameras["front"].target
+
+
+def test_an_assignment_may_be_the_first_to_name_a_policys_settings() -> None:
+    config = resolve_request({}, {}, ["policy_parameters.uniform.aim_noise=0.01"]).config
+    assert config.policy_parameters == {"uniform": {"aim_noise": 0.01}}
+    file = {"policy_parameters": {"uniform": {"aim_noise": 0.02}}}
+    config = resolve_request(file, {}, ["policy_parameters.top_down.opening_margin=0.01"]).config
+    assert config.policy_parameters["uniform"] == {"aim_noise": 0.02}
+    assert config.policy_parameters["top_down"] == {"opening_margin": 0.01}
 
 
 def test_settings_that_hold_only_together_are_checked_together() -> None:

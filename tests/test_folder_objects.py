@@ -11,18 +11,12 @@ from typing import Any
 import pytest
 from helpers import assert_same_tree
 
+from grasp_factory.cache import VARIABLE, cache_dir, digest, write
 from grasp_factory.errors import ConfigError, StoreError, UsageError
 from grasp_factory.objects.base import Compound
 from grasp_factory.objects.folder import FolderObject, Geometry, Manifest, Solid, load_folder
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
-from grasp_factory.objects.folder_cache import (
-    VARIABLE,
-    cache_dir,
-    digest,
-    manifest_path,
-    mesh_path,
-    write,
-)
+from grasp_factory.objects.folder_cache import manifest_path, mesh_path
 
 COLLISION = (
     b"o part_0\nv 0 0 0\nv 0.05 0 0\nv 0 0.05 0\nv 0 0 0.05\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

@@ -68,7 +68,7 @@ def make_store(
 ) -> Path:
     """Make a store of fake episodes, of which only some blocks are there."""
     attributes = root_attributes(config, {}) | facts
-    create_store(path, config, attributes, joints=JOINTS, n=n, objects={})
+    create_store(path, config, attributes, joints=JOINTS, n=n, carried={})
     for block in blocks:
         ZarrWriter(path).write_block(block, make_rows(config, block, n, BAD))
     return path
@@ -875,8 +875,8 @@ class TestOwnObjects:
         for seed in (0, 5):
             path, own = tmp_path / f"seed{seed}", replace(config, seed=seed)
             facts = root_attributes(own, {})
-            archive = {"mine": b"an archive of meshes"}
-            create_store(path, own, facts, joints=JOINTS, n=4, objects=archive)
+            archive = {"objects/mine": b"an archive of meshes"}
+            create_store(path, own, facts, joints=JOINTS, n=4, carried=archive)
             ZarrWriter(path).write_block(0, make_rows(own, 0, 4))
             paths.append(path)
         return config, paths

@@ -17,6 +17,7 @@ import pytest
 from helpers import assert_same_tree
 
 from grasp_factory import options
+from grasp_factory.cache import VARIABLE
 from grasp_factory.errors import ConfigError, UsageError
 from grasp_factory.folders import import_for
 from grasp_factory.meshes import (
@@ -32,7 +33,6 @@ from grasp_factory.meshes.child import Child, CrashError
 from grasp_factory.meshes.job import Job, Shape
 from grasp_factory.objects.base import Compound, ObjectModel
 from grasp_factory.objects.folder import load_folder
-from grasp_factory.objects.folder_cache import VARIABLE
 from grasp_factory.stepping import PhysicsConfig, Stepping
 from grasp_factory.world import World
 

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
+from grasp_factory.cache import VARIABLE
 from grasp_factory.geometry import Array
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.convert import convert
@@ -18,7 +19,6 @@ from grasp_factory.meshes.reading import read_mesh
 from grasp_factory.meshes.tidy import MAX_FACES, closed_bodies, tidied, without_dust
 from grasp_factory.meshes.units import guess_scale, sides
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
-from grasp_factory.objects.folder_cache import VARIABLE
 from grasp_factory.objects.obj_file import triangles
 
 SHAPES = nasty_meshes.shapes()

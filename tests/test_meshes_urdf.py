@@ -9,6 +9,7 @@ import nasty_meshes
 import numpy as np
 import pytest
 
+from grasp_factory.cache import VARIABLE
 from grasp_factory.meshes import FolderReport, import_folder
 from grasp_factory.meshes import source as source_module
 from grasp_factory.meshes.base import UnusableError
@@ -19,7 +20,6 @@ from grasp_factory.meshes.source import load_source
 from grasp_factory.meshes.urdf import parse_urdf
 from grasp_factory.objects.base import Compound, ObjectModel
 from grasp_factory.objects.folder import load_folder
-from grasp_factory.objects.folder_cache import VARIABLE
 
 BOX = '<collision><geometry><box size="0.03 0.04 0.06"/></geometry></collision>'
 MESH = nasty_meshes.encode("obj", *nasty_meshes.shapes()["ring"])

@@ -290,7 +290,7 @@ class TestTheSizeOfAStore:
     def test_of_videos_too(self, tmp_path: Path) -> None:
         config = small_config(resolution=(16, 16), video_hz=5)
         path = tmp_path / "videos"
-        prepare_store(path, config, JOINTS, 15, {}, objects={"mine": b"zip" * 9})
+        prepare_store(path, config, JOINTS, 15, {}, carried={"objects/mine": b"zip" * 9})
         for block in range(4):
             ZarrWriter(path).write_block(block, make_rows(config, block, 15, quarantined=(3,)))
         pack(path)

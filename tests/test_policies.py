@@ -2,14 +2,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tiny_models import tiny_model
 
+from grasp_factory import models
+from grasp_factory.cache import VARIABLE, digest
 from grasp_factory.camera import Intrinsics, deproject, project
 from grasp_factory.cameras import CAMERAS
 from grasp_factory.episode import CameraImage, Grasp, SceneView
@@ -45,8 +48,13 @@ BRICK = (0.10, 0.04, 0.05)
 """Length along its own x, breadth and height, metres."""
 PLACES = [(0.52, -0.08, 0.0), (0.55, 0.06, 0.4), (0.48, 0.0, 1.1), (0.6, 0.1, -1.3), (0.5, 0, 1.57)]
 """x, y and yaw of a brick on the table."""
-TILT_DEG = {"uniform": 0.0, "top_down": 0.0, "antipodal": 30.0, "perturbed": 50.0, "mixture": 30.0}
+TILT_DEG = {
+    **{"uniform": 0.0, "top_down": 0.0, "antipodal": 30.0, "perturbed": 50.0, "mixture": 30.0},
+    "learned": 0.0,
+}
 """How far from straight down a policy approaches by default; for ``perturbed`` 4.9 sigma."""
+NEEDED = {"learned": {"model": digest(tiny_model(0))}}
+"""Settings that have no default."""
 
 Boxes = list[tuple[Array, tuple[float, float, float], int]]
 
@@ -126,7 +134,7 @@ def disc(x: float, y: float, radius: float, height: float) -> Boxes:
 
 
 def plan(policy: str, view: SceneView, seed: int = 0, **settings: Any) -> tuple[Grasp, ...]:
-    asked = POLICIES[policy]
+    asked, settings = POLICIES[policy], NEEDED.get(policy, {}) | settings
     return asked.plan(view, np.random.default_rng(seed), asked.settings(settings)).grasps
 
 
@@ -226,6 +234,14 @@ class TestTargetPoints:
 @pytest.mark.parametrize("policy", POLICIES)
 class TestPolicy:
     """Every policy of the table keeps these promises, for the gripper of every robot."""
+
+    @pytest.fixture(autouse=True, scope="class")
+    @staticmethod
+    def has_a_model(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv(VARIABLE, str(tmp_path_factory.mktemp("cache")))
+            models.keep(tiny_model(0))
+            yield
 
     @pytest.fixture
     def view(self, gripper: Gripper) -> SceneView:

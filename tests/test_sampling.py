@@ -14,12 +14,14 @@ from hypothesis import strategies as st
 from grasp_factory import sampling
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import EpisodeSpec
-from grasp_factory.errors import UnknownNameError
+from grasp_factory.errors import ConfigError, RecipeError, UnknownNameError
+from grasp_factory.factory import check_names
 from grasp_factory.geometry import apply
-from grasp_factory.objects import OBJECT_SETS, ObjectModel
+from grasp_factory.objects import OBJECT_SETS, ObjectModel, draw_of
 from grasp_factory.randomize import RANDOMIZE_PRESETS
 from grasp_factory.sampling import Stream, rng_for, sample_spec
 from grasp_factory.sections import ClutterConfig, WorkspaceConfig
+from grasp_factory.splits import SPLITS, split_of
 
 CONFIG = FactoryConfig(seed=7)
 SEEDS = st.integers(0, 2**63 - 1)
@@ -314,6 +316,49 @@ class TestSplits:
         assert not seen["train"] & seen["test"]
         assert not seen["train"] & seen["val"]
         assert not seen["val"] & seen["test"]
+
+    @pytest.mark.parametrize("splits", [("train",), ("val", "test"), ("test",)])
+    def test_objects_are_of_the_splits_that_are_asked_for(self, splits: tuple[str, ...]) -> None:
+        config = FactoryConfig(object_splits=splits, clutter=ClutterConfig(count=3))
+        drawn = specs(config, 200)
+        assert {spec.objects[0].split for spec in drawn} == set(splits)
+        assert {recipe.split for spec in drawn for recipe in spec.objects} == set(splits)
+        shares = Counter(spec.objects[0].object_set for spec in drawn)
+        assert abs(shares["procedural"] - 100) < 29  # four sigma: the sets keep their shares
+
+    def test_all_objects_of_a_split_are_drawn_from_a_set_that_lists_them(self) -> None:
+        config = FactoryConfig(object_splits=("test",), object_sets={"blobs": 1.0})
+        models = OBJECT_SETS["blobs"].models.values()  # type: ignore[attr-defined]
+        of_test = {model.object_id for model in models if model.split == "test"}
+        drawn = Counter(spec.objects[0].object_id for spec in specs(config, DRAWS))
+        assert len(drawn) > 0.95 * len(of_test)
+        assert set(drawn) <= of_test
+
+    def test_naming_all_splits_draws_what_the_sets_draw(self) -> None:
+        for name, found in OBJECT_SETS.items():
+            for seed in range(20):
+                one, other = (np.random.default_rng(seed) for _ in range(2))
+                assert draw_of(found, SPLITS, one) == found.draw(other), name
+                assert one.random() == other.random()
+
+    def test_every_object_is_of_one_of_the_splits(self) -> None:
+        assert {split_of(f"any/{i}") for i in range(200)} == set(SPLITS)
+
+    def test_a_set_without_an_object_of_the_splits_is_named_at_the_start(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(ObjectModel, "split", property(lambda model: "train"))
+        sets = {"classic": 1.0, "procedural": 1.0}
+        config = FactoryConfig(object_sets=sets, object_splits=("val", "test"))
+        with pytest.raises(ConfigError) as caught:
+            check_names(config)
+        assert str(caught.value) == (
+            "object_splits: got val, test, of which object set 'classic' has no object; valid with"
+            " it: train; or leave the set out"
+        )
+        check_names(dataclasses.replace(config, object_sets={"classic": 0.0, "procedural": 1.0}))
+        with pytest.raises(RecipeError, match="none of 500 objects drawn from set 'procedural'"):
+            draw_of(OBJECT_SETS["procedural"], ("test",), np.random.default_rng(0))
 
     def test_where_a_set_has_no_other_object_of_the_split_the_target_falls_twice(
         self, monkeypatch: pytest.MonkeyPatch

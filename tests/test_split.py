@@ -38,7 +38,7 @@ THERE = sorted(set(range(N)) - set(MISSING) - set(QUARANTINED))
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a store of fake episodes, of which some are missing or quarantined."""
     path = tmp_path_factory.mktemp("split") / "store"
-    create_store(path, CONFIG, root_attributes(CONFIG, {}), joints=JOINTS, n=N, objects={})
+    create_store(path, CONFIG, root_attributes(CONFIG, {}), joints=JOINTS, n=N, carried={})
     for block in (0, 1, 3):
         ZarrWriter(path).write_block(block, make_rows(CONFIG, block, N, QUARANTINED))
     return path
@@ -50,7 +50,7 @@ def collected(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("collected")
     config = replace(CONFIG, seed=5)
     facts = root_attributes(config, {})
-    create_store(folder / "other", config, facts, joints=JOINTS, n=6, objects={})
+    create_store(folder / "other", config, facts, joints=JOINTS, n=6, carried={})
     for block in (0, 1):
         ZarrWriter(folder / "other").write_block(block, make_rows(config, block, 6))
     merge([store, folder / "other"], folder / "out")

@@ -19,9 +19,9 @@ from grasp_factory.collecting.source import Source
 from grasp_factory.collecting.union import NOBODY, Plan
 from grasp_factory.errors import StoreError
 from grasp_factory.records import to_plain
+from grasp_factory.writers.carried import carried_by
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.header import SOURCES, open_array, open_store, read_array
-from grasp_factory.writers.objects import GROUP
 from grasp_factory.writers.packing import pack
 from grasp_factory.writers.seals import VALUES_SEAL, values_digest
 from grasp_factory.writers.store import create_store
@@ -62,7 +62,7 @@ def build(
     """
     first, plan = order.sources[0], order.plan
     labels, left_out = carried_labels(order.sources, plan)
-    objects = {name: _objects(order.sources, name) for name in first.config.object_folders}
+    carried = {name: _carried(order.sources, name) for name in carried_by(first.config)}
     statuses = _statuses(order)
     with order.place.building() as aside:
         create_store(
@@ -71,7 +71,7 @@ def build(
             _attributes(order),
             joints=first.reader.joints,
             n=len(plan.store),
-            objects=objects,
+            carried=carried,
         )
         on_start(int(np.sum(statuses > 0)))
         _copy(order, aside, on_row)
@@ -111,17 +111,17 @@ def _statuses(order: Order) -> NDArray[np.uint8]:
     return statuses
 
 
-def _objects(sources: Sequence[Source], name: str) -> bytes:
-    """Return the archive of a set of users' objects from the first store that has it undamaged."""
+def _carried(sources: Sequence[Source], name: str) -> bytes:
+    """Return what the stores carry at a path, from the first that has it undamaged."""
     for source in sources:
         try:
-            array = open_array(open_store(source.path, mode="r")[0], f"{GROUP}/{name}")
-            archive = read_array(array)
+            array = open_array(open_store(source.path, mode="r")[0], name)
+            content = read_array(array)
         except StoreError:
             continue
-        if array.attrs.get(VALUES_SEAL) == values_digest(archive):
-            return archive.tobytes()
-    where = sources[0].path / GROUP / name
+        if array.attrs.get(VALUES_SEAL) == values_digest(content):
+            return content.tobytes()
+    where = sources[0].path / name
     raise StoreError(f"{where} is damaged; {mending(sources[0].path)}")
 
 

@@ -15,8 +15,8 @@ from grasp_factory.errors import ConfigError, StoreError
 from grasp_factory.records import from_plain
 from grasp_factory.writers.header import SOURCES
 
-GENERATORS = ("grasp_factory", "pybullet", "numpy")
-"""The versions that have a part in an episode's bytes."""
+GENERATORS = ("grasp_factory", "pybullet", "numpy", "torch")
+"""The versions that have a part in an episode's bytes; torch where a policy has a model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import grasp_factory
+from grasp_factory.cache import digest
 from grasp_factory.errors import UsageError
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.job import Converted, Job, decode, encode, message_length
-from grasp_factory.objects.folder_cache import digest
 from grasp_factory.records import from_plain, to_plain
 
 TIME_LIMIT_S = 1200.0

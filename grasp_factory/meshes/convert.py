@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
+from grasp_factory.cache import digest
 from grasp_factory.geometry import Array, Pose, transform
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.hulls import MAX_HULLS, convex_parts, hull_of
@@ -21,7 +22,6 @@ from grasp_factory.meshes.shapes import part_of, placed, solid_of, tessellated
 from grasp_factory.meshes.units import check_size, sides
 from grasp_factory.objects.base import PRIMITIVES, Part, Vector3
 from grasp_factory.objects.folder import MAX_PRIMITIVES, MAX_REACH, Geometry
-from grasp_factory.objects.folder_cache import digest
 from grasp_factory.objects.solids import Moments, bounds, moments, polyhedron, principal_axes
 
 DIGITS = 9

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from grasp_factory.cache import cache_dir, digest, read, read_checked, write
 from grasp_factory.errors import ConfigError, UsageError, shown
 from grasp_factory.meshes.base import FolderReport, ImportedObject, Refusal, UnusableError
 from grasp_factory.meshes.child import Child, CrashError
@@ -19,15 +20,7 @@ from grasp_factory.meshes.settings import FolderSettings, Settings, parse_settin
 from grasp_factory.meshes.source import Source, load_source, referenced
 from grasp_factory.meshes.units import check_grip, grip_warnings
 from grasp_factory.objects.folder import FolderObject, Manifest, load_folder
-from grasp_factory.objects.folder_cache import (
-    cache_dir,
-    digest,
-    manifest_path,
-    mesh_path,
-    read,
-    read_checked,
-    write,
-)
+from grasp_factory.objects.folder_cache import manifest_path, mesh_path
 from grasp_factory.records import from_plain, to_plain
 
 Progress = Callable[[int, int, str], None]

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
+from grasp_factory.cache import digest
 from grasp_factory.objects.base import Vector3
 from grasp_factory.objects.folder import Geometry, Quaternion
-from grasp_factory.objects.folder_cache import digest
 from grasp_factory.records import to_plain
 
 IMPORTER = 2

@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 
+from grasp_factory.cache import digest
 from grasp_factory.geometry import Pose, transform
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.job import Converted
@@ -14,7 +15,6 @@ from grasp_factory.meshes.settings import DENSITY, FRICTION, MASS_RANGE, Setting
 from grasp_factory.meshes.source import Source
 from grasp_factory.objects.base import Vector3
 from grasp_factory.objects.folder import FolderObject, Geometry
-from grasp_factory.objects.folder_cache import digest
 from grasp_factory.objects.solids import principal_axes
 
 MASSES = (0.001, 5.0)

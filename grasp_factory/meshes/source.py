@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from grasp_factory.cache import digest
 from grasp_factory.errors import shown
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.job import Job, Shape
@@ -16,7 +17,6 @@ from grasp_factory.meshes.listing import MAX_BYTES, read_inside, suffix
 from grasp_factory.meshes.references import mesh_file, named_meshes
 from grasp_factory.meshes.settings import Settings
 from grasp_factory.meshes.urdf import Urdf, parse_urdf
-from grasp_factory.objects.folder_cache import digest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

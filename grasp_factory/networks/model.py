@@ -84,7 +84,8 @@ class GraspModel:
         Args:
             inputs: What it ``uses``; more is left alone.
         """
-        return np.asarray(1.0 / (1.0 + np.exp(-self.slope * self.raw_logits(inputs) - self.offset)))
+        logits = self.slope * self.raw_logits(inputs) + self.offset
+        return np.asarray(0.5 + 0.5 * np.tanh(0.5 * logits))  # exp would overflow
 
 
 def _padded(values: NDArray[np.float32]) -> NDArray[np.float32]:

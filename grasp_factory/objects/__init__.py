@@ -15,6 +15,7 @@ from grasp_factory.objects.base import (
     UrdfFile,
 )
 from grasp_factory.objects.blobs import BLOBS
+from grasp_factory.objects.chosen import check_splits, draw_of
 from grasp_factory.objects.classic import CLASSIC
 from grasp_factory.objects.folder import load_folder
 from grasp_factory.objects.procedural import PROCEDURAL
@@ -44,6 +45,8 @@ __all__ = [
     "ObjectSet",
     "Part",
     "UrdfFile",
+    "check_splits",
+    "draw_of",
     "find_set",
     "visual_parts",
 ]

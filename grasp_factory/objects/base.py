@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import abc
-import hashlib
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ import numpy as np
 
 from grasp_factory.errors import lookup
 from grasp_factory.geometry import IDENTITY, Array, Pose
+from grasp_factory.splits import split_of
 
 Vector3 = tuple[float, float, float]
 
@@ -84,9 +84,7 @@ class ObjectModel:
 
         It hangs on the object alone, so that it stays when a set grows.
         """
-        key = self.split_by or self.object_id
-        share = int.from_bytes(hashlib.sha256(key.encode()).digest()[:8]) / 2**64
-        return "train" if share < 0.8 else "val" if share < 0.9 else "test"
+        return split_of(self.split_by or self.object_id)
 
     def corners(self) -> Array:
         """Return the corners of the bounding box, (8, 3) metres, object frame."""

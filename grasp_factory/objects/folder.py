@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from grasp_factory.cache import cache_dir, is_digest, read_checked
 from grasp_factory.errors import ConfigError, shown
 from grasp_factory.geometry import Pose
 from grasp_factory.objects.base import (
@@ -20,13 +21,7 @@ from grasp_factory.objects.base import (
     Part,
     Vector3,
 )
-from grasp_factory.objects.folder_cache import (
-    cache_dir,
-    is_digest,
-    manifest_path,
-    mesh_path,
-    read_checked,
-)
+from grasp_factory.objects.folder_cache import manifest_path, mesh_path
 from grasp_factory.records import check, check_range, from_plain, to_plain
 
 FORMAT = 1

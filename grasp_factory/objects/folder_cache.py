@@ -1,47 +1,8 @@
-"""Where imported objects are kept on this machine; whatever is read back is checked by its hash."""
+"""Where the parts of an imported folder lie in this machine's cache."""
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import os
-import re
-import tempfile
 from pathlib import Path
-
-from grasp_factory.errors import UsageError, shown
-
-VARIABLE = "GRASP_FACTORY_CACHE"
-MAX_PATH = 900
-"""Characters of the directory's path. PyBullet 3.2.7 cuts a mesh's at 1024, and a path that is
-not ASCII in ``createCollisionShapeArray`` crashes the process."""
-_SHA256 = re.compile(r"[0-9a-f]{64}")
-
-
-def cache_dir() -> Path:
-    """Return the cache's directory: ``$GRASP_FACTORY_CACHE``, or the one that XDG has for us.
-
-    Raises:
-        UsageError: if the engine could not load meshes from there.
-    """
-    try:
-        path = Path(os.environ.get(VARIABLE) or _user_cache() / "grasp-factory").absolute()
-    except (OSError, RuntimeError) as error:
-        raise UsageError(
-            f"there is no place for the cache: {error}; set {VARIABLE} to a directory"
-        ) from None
-    if not str(path).isascii() or len(str(path)) > MAX_PATH:
-        raise UsageError(
-            f"the cache {shown(str(path))} cannot be used: the physics engine opens mesh files"
-            f" by ASCII paths of up to {MAX_PATH} characters only; set {VARIABLE} to such a"
-            " directory"
-        )
-    return path
-
-
-def _user_cache() -> Path:
-    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    return base if base.is_absolute() else Path("~/.cache").expanduser()
 
 
 def mesh_path(cache: Path, sha256: str) -> Path:
@@ -52,52 +13,3 @@ def mesh_path(cache: Path, sha256: str) -> Path:
 def manifest_path(cache: Path, sha256: str) -> Path:
     """Return where the manifest with that digest lies, or would."""
     return cache / "folders" / f"{sha256}.json"
-
-
-def digest(data: bytes) -> str:
-    """Return the SHA-256 of some bytes, in hex."""
-    return hashlib.sha256(data).hexdigest()
-
-
-def is_digest(text: str) -> bool:
-    """Say whether a text is a SHA-256 in hex; only such a text becomes a file's name."""
-    return _SHA256.fullmatch(text) is not None
-
-
-def read_checked(path: Path) -> bytes | None:
-    """Return the content of a file that is named by its hash; None if absent or damaged."""
-    data = read(path)
-    return data if data is not None and digest(data) == path.stem else None
-
-
-def read(path: Path) -> bytes | None:
-    """Return the content of a file, or None if it cannot be read."""
-    try:
-        return path.read_bytes()
-    except OSError:
-        return None
-
-
-def write(path: Path, data: bytes) -> None:
-    """Write a file of the cache at once, so that nobody ever sees a part of it.
-
-    Raises:
-        UsageError: if it cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".new-")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            os.replace(name, path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.unlink(name)
-            raise
-    except OSError as error:
-        why = error.strerror or str(error)
-        raise UsageError(
-            f"the cache {path.parent} cannot be written: {why}; set {VARIABLE} to a directory"
-            " that can"
-        ) from None

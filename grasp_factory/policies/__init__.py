@@ -6,12 +6,13 @@ from collections.abc import Mapping
 
 from grasp_factory.policies.base import Policy
 from grasp_factory.policies.direct import DIRECT
+from grasp_factory.policies.learned import LEARNED
 from grasp_factory.policies.mixture import MIXTURE
 from grasp_factory.policies.perturbed import PERTURBED
 
 POLICIES: Mapping[str, Policy] = {
     **DIRECT,
-    **{policy.name: policy for policy in (PERTURBED, MIXTURE)},
+    **{policy.name: policy for policy in (PERTURBED, MIXTURE, LEARNED)},
 }
 
 __all__ = ["POLICIES", "Policy"]

@@ -26,7 +26,9 @@ class Policy:
     name: str
     description: str
     parameters: type[Any]
-    """A frozen dataclass whose fields, all with defaults, are the policy's settings."""
+    """A frozen dataclass whose fields, all with defaults, are the policy's settings.
+
+    A field ``model`` is the SHA-256 of a trained model, which datasets then carry."""
     plan: Callable[[SceneView, np.random.Generator, Any], GraspPlan]
     """From a view, a random generator and an instance of ``parameters`` to ranked grasps."""
 

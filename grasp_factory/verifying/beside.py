@@ -1,4 +1,4 @@
-"""What a store has beside its rows: users' objects, added labels, packed segments, other files."""
+"""What a store has beside its rows: what it carries, added labels, packed segments, strangers."""
 
 from __future__ import annotations
 
@@ -21,15 +21,17 @@ from grasp_factory.verifying.problems import Problem
 from grasp_factory.verifying.rewritten import is_recoded
 from grasp_factory.writers.added import LABEL_COLUMNS, added_labels, is_label
 from grasp_factory.writers.aside import PARTIAL
+from grasp_factory.writers.carried import DESCRIPTIONS, carried_by, read_carried
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.header import open_array, open_store, read_array
-from grasp_factory.writers.objects import GROUP, read_objects
 from grasp_factory.writers.packed import BYTES, FOLDER, Segment, segments
 from grasp_factory.writers.packing import NOT_PACKED
 from grasp_factory.writers.seals import VALUES_SEAL, values_digest
 from grasp_factory.writers.sizes import bytes_of_blocks
 
 LABELS = "labels"
+_BESIDE = (LABELS, FOLDER, *DESCRIPTIONS)
+"""Folders with a check of their own."""
 CREATING = ".creating"
 """Ends the name of the folder of a label that is being made."""
 _OWN_PARTIAL = re.compile(r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz)" + re.escape(PARTIAL))
@@ -37,16 +39,16 @@ _CHUNK = re.compile(r"[0-9]+(\.[0-9]+)*")
 _NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")
 
 
-def object_problems(pieces: Pieces) -> Iterator[Problem]:
-    """Give a problem for each archive of users' objects that is not what was written."""
-    names = list(pieces.config.object_folders)
-    if names and (fault := read_document(pieces.path / GROUP / FILE)[1]):
-        yield _problem(GROUP, fault)
-    for name in names:
-        array = f"{GROUP}/{name}"
+def carried_problems(pieces: Pieces) -> Iterator[Problem]:
+    """Give a problem for each thing that the store carries and that is not what was written."""
+    arrays = list(carried_by(pieces.config))
+    for group in dict.fromkeys(array.partition("/")[0] for array in arrays):
+        if fault := read_document(pieces.path / group / FILE)[1]:
+            yield _problem(group, fault)
+    for array in arrays:
         document, fault = read_document(pieces.path / array / FILE)
         if not fault or is_recoded(document):
-            fault = _archive_fault(pieces.path, name, document)
+            fault = _carried_fault(pieces.path, array, document)
         if fault:
             yield _problem(array, fault)
 
@@ -88,7 +90,7 @@ def recoded(pieces: Pieces) -> Iterator[str]:
     """Give the path of each array beside the rows that another program has written anew."""
     labels = added_labels(pieces.path)
     arrays = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
-    for array in [*arrays, *(f"{GROUP}/{name}" for name in pieces.config.object_folders)]:
+    for array in [*arrays, *carried_by(pieces.config)]:
         document, fault = read_document(pieces.path / array / FILE)
         if fault and is_recoded(document):
             yield array
@@ -127,12 +129,12 @@ def strangers(pieces: Pieces) -> Iterator[str]:
         name = os.path.relpath(folder, pieces.path)
         inside = [d for d in folders if str(Path(name, d)) in own or str(Path(name, d)) in parents]
         if name == ".":
-            inside += [d for d in (LABELS, GROUP, FOLDER) if d in folders]
+            inside += [d for d in _BESIDE if d in folders]
         known = name in own or name in parents
         if known:
             strange = [d for d in folders if d not in inside]
             strange += [f for f in files if not _is_own(f, name, pieces)]
-            folders[:] = [d for d in inside if d not in (LABELS, GROUP, FOLDER)]
+            folders[:] = [d for d in inside if d not in _BESIDE]
         else:
             strange, folders[:] = [], []
         if strange:
@@ -152,7 +154,7 @@ def leftovers(path: Path) -> list[Path]:
 
 def _leftovers(path: Path) -> Iterator[str]:
     """Give a note for what killed runs have left beside the rows, and people among labels."""
-    for folder in (LABELS, FOLDER, GROUP):
+    for folder in _BESIDE:
         names = os.listdir(path / folder) if (path / folder).is_dir() else []
         left = [name for name in names if _is_left(name)]
         strange = [
@@ -187,12 +189,12 @@ def _note(folder: str, names: list[str]) -> str:
     return f"{where}{', '.join(map(shown, sorted(names)[:3]))}{more}: {what}; nothing reads it"
 
 
-def _archive_fault(path: Path, name: str, document: Any) -> str:
+def _carried_fault(path: Path, array: str, document: Any) -> str:
     try:
-        archive = read_objects(path, name) or b""
+        content = read_carried(path, array) or b""
     except StoreError as error:
         return str(error)
-    return _values_fault(np.frombuffer(archive, np.uint8), document)
+    return _values_fault(np.frombuffer(content, np.uint8), document)
 
 
 def _values_fault(values: NDArray[Any], document: Any) -> str:

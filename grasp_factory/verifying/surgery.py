@@ -28,9 +28,9 @@ from grasp_factory.verifying.pieces import Pieces, open_pieces
 from grasp_factory.verifying.problems import Problem, Report
 from grasp_factory.verifying.template import Template
 from grasp_factory.verifying.verification import check_blocks, executor_for
+from grasp_factory.writers.carried import carried_by
 from grasp_factory.writers.files import fsync
 from grasp_factory.writers.header import SOURCES, root_attributes
-from grasp_factory.writers.objects import GROUP
 from grasp_factory.writers.packed import FOLDER, segments, unpack_block
 from grasp_factory.writers.seals import SEAL
 
@@ -115,14 +115,14 @@ class Surgery:
     ) -> Template:
         robot = check_names(config)
         try:
-            objects = carried.packed(config)
-        except ConfigError:  # this machine has not imported them
-            objects = {}
+            files = carried.packed(config)
+        except ConfigError:  # this machine has lost some of it
+            files = {}
         joints = len(robot.arm_joints)
-        return Template(self._path, config, attributes, joints=joints, rows=rows, objects=objects)
+        return Template(self._path, config, attributes, joints=joints, rows=rows, carried=files)
 
     def _mend_documents(self, template: Template, pieces: Pieces, damaged: Iterable[str]) -> bool:
-        """Make metadata and users' objects again; return whether any array's has changed."""
+        """Make metadata and what is carried again; return whether any array's has changed."""
         why = ""
         if other := template.differs(pieces.arrays):
             why = f"{FILE} of {other}, which is whole, is not as this version writes it"
@@ -141,12 +141,12 @@ class Surgery:
                 self.failed.append(f"{name}/{FILE} cannot be made again here: {why}")
                 continue
             elif not (template.path / name / FILE).exists():
-                how = "import its folder with grasp-factory objects DIR, and repair again"
+                how = f"{carried.how_to_import(name)}, and repair again"
                 self.failed.append(f"{name} cannot be made again: {how}")
                 continue
             else:
                 template.give_document(name)
-                if name.startswith(f"{GROUP}/"):
+                if name in carried_by(pieces.config):
                     chunks = sorted((template.path / name).glob("[0-9]*"))
                     template.give_files(chunks)
                 has_changed |= name in pieces.fields

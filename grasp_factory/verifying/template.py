@@ -39,11 +39,11 @@ class Template:
         *,
         joints: int,
         rows: int,
-        objects: Mapping[str, bytes],
+        carried: Mapping[str, bytes],
     ) -> None:
         """Make nothing yet; see ``create_store`` for what it will be made of."""
         self._store, self.path = locate(store), template_place(store)
-        self._config, self._joints, self._rows, self._objects = config, joints, rows, objects
+        self._config, self._joints, self._rows, self._carried = config, joints, rows, carried
         self._attributes = {key: value for key, value in attributes.items() if key != SEAL}
 
     def __enter__(self) -> Self:
@@ -57,7 +57,7 @@ class Template:
             remove_template(self.path)
             create_store(
                 self.path, self._config, self._attributes,
-                joints=self._joints, n=self._rows, objects=self._objects,
+                joints=self._joints, n=self._rows, carried=self._carried,
             )  # fmt: skip
         except OSError as error:
             raise StoreError(f"{self.path} cannot be written: {error.strerror}") from None

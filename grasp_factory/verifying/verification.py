@@ -13,8 +13,8 @@ from grasp_factory.records import check, is_integer
 from grasp_factory.replay import changed_since
 from grasp_factory.request import MAX_EPISODES, MAX_WORKERS
 from grasp_factory.verifying.beside import (
+    carried_problems,
     label_problems,
-    object_problems,
     packed_problems,
     recoded,
     strangers,
@@ -103,10 +103,10 @@ def verify(
 
 
 def structure_problems(pieces: Pieces) -> list[Problem]:
-    """Return the problems of groups, users' objects and added labels."""
+    """Return the problems of groups, of what the store carries and of added labels."""
     groups = group_faults(pieces.path, pieces.config)
     out = [Problem(episode=None, array=name, what=fault) for name, fault in groups]
-    for found in (object_problems, label_problems):
+    for found in (carried_problems, label_problems):
         out += found(pieces)
     return out
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Literal
 
@@ -47,7 +47,8 @@ def root_attributes(config: FactoryConfig, extra: Mapping[str, Any]) -> dict[str
         "renderer": config.renderer.value,
         "versions": {
             "python": platform.python_version(),
-            **{name: version(name) for name in ("pybullet", "numpy", "zarr")},
+            **{name: _version(name) for name in ("pybullet", "numpy", "zarr")},
+            **({"torch": _version("torch")} if config.models else {}),
             "grasp_factory": __version__,
         },
         "platform": {
@@ -162,6 +163,13 @@ def first_line(error: Exception) -> str:
     """Return an error's text for a message of one line."""
     text = str(error).strip() or type(error).__name__
     return text.splitlines()[0]
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:  # what only some datasets need
+        return "none"
 
 
 def _cpu() -> str:

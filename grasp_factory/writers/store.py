@@ -21,6 +21,7 @@ from grasp_factory import schema
 from grasp_factory.config import FactoryConfig, first_difference
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.aside import aside
+from grasp_factory.writers.carried import DESCRIPTIONS, add_carried
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.files import cannot_write, fsync, fsync_tree, locate
 from grasp_factory.writers.header import (
@@ -31,7 +32,6 @@ from grasp_factory.writers.header import (
     root_attributes,
 )
 from grasp_factory.writers.layout import create_array, shape
-from grasp_factory.writers.objects import GROUP, add_objects
 from grasp_factory.writers.seals import seal, set_rows
 from grasp_factory.writers.zarr import COMMITTED
 
@@ -62,7 +62,7 @@ def prepare_store(
     n: int,
     extra: Mapping[str, Any],
     *,
-    objects: Mapping[str, bytes] = MappingProxyType({}),
+    carried: Mapping[str, bytes] = MappingProxyType({}),
 ) -> None:
     """Make sure that ``path`` holds a store of this config with room for ``n`` episodes.
 
@@ -76,7 +76,7 @@ def prepare_store(
         joints: joint count of the config's robot.
         n: episodes.
         extra: more root attributes, JSON data, for a new store.
-        objects: archives of users' objects for a new store, by the name of their set.
+        carried: what a new store carries, by path in it (``carried_by``).
 
     Raises:
         StoreMismatchError: if the path holds anything else, or cannot be written.
@@ -86,7 +86,7 @@ def prepare_store(
     try:
         if _is_free(target):
             attributes = root_attributes(config, extra)
-            create_store(target, config, attributes, joints=joints, n=n, objects=objects)
+            create_store(target, config, attributes, joints=joints, n=n, carried=carried)
         else:
             _check_same(path, config)
             _grow(path, config, joints, n)
@@ -123,7 +123,7 @@ def create_store(
     *,
     joints: int,
     n: int,
-    objects: Mapping[str, bytes],
+    carried: Mapping[str, bytes],
 ) -> None:
     """Create an empty store where nothing is, or an empty directory; see ``prepare_store``.
 
@@ -133,7 +133,7 @@ def create_store(
         attributes: the root's; those of ``header.root_attributes`` and more.
         joints: joint count of the config's robot.
         n: rows.
-        objects: archives of users' objects, by the name of their set.
+        carried: what it carries, by path in it.
 
     Raises:
         StoreMismatchError: if something that is not ours is in the way.
@@ -148,8 +148,8 @@ def create_store(
         root = zarr.create_group(aside, zarr_format=3, attributes=dict(attributes))
         for row in schema.expand(config):
             create_array(root, row, config, joints, n)
-        for name, archive in objects.items():
-            add_objects(root, name, archive)
+        for name, content in carried.items():
+            add_carried(root, name, content)
         for metadata in aside.rglob("zarr.json"):
             seal(metadata)
         fsync_tree(aside)
@@ -181,7 +181,7 @@ def remove_creation(target: Path) -> None:
 
 
 def _remove_leftovers(place: Path) -> None:
-    """Remove what a creation that did not end has left: metadata and users' objects.
+    """Remove what a creation that did not end has left: metadata and what stores carry.
 
     ``place`` is what it made itself, which goes too, or the empty directory that it began with.
     """
@@ -199,7 +199,9 @@ def _remove_leftovers(place: Path) -> None:
 
 def _is_of_creation(file: Path) -> bool:
     is_chunk = file.name.partition(".")[0].isdigit()
-    return file.name.startswith("zarr.") or (GROUP in file.parts and is_chunk)
+    return file.name.startswith("zarr.") or (
+        is_chunk and not DESCRIPTIONS.keys().isdisjoint(file.parts)
+    )
 
 
 def _check_same(path: Path, config: FactoryConfig) -> None:

@@ -1,0 +1,91 @@
+"""flywheel.json: the settings and the provenance of each round, beside what it tells of."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from grasp_factory.config import first_difference
+from grasp_factory.errors import ConfigError, UsageError
+from grasp_factory.flywheel.files import make_folder, read, write_if_new
+from grasp_factory.flywheel.settings import FlywheelSettings
+from grasp_factory.records import from_plain, to_plain
+from grasp_factory.writers.aside import aside
+
+FILE = "flywheel.json"
+FORMAT = 1
+
+
+class Journal:
+    """The file in a flywheel's folder that says what it is of."""
+
+    def __init__(self, folder: Path, settings: FlywheelSettings) -> None:
+        """Open the folder, which is made if there is none, and begin the file.
+
+        Raises:
+            UsageError: if the folder cannot be made, or is of other settings, or of something else.
+            StoreError: if the disk or its permissions do not let it be written.
+        """
+        self._file = folder / FILE
+        self._settings = settings
+        self._turns_there = 0
+        make_folder(folder)
+        there = read(self._file)
+        if there is not None:
+            self._check(there)
+            return
+        if {path.name for path in folder.iterdir()} - {aside(self._file).name}:
+            raise UsageError(
+                f"{folder} holds other things and no {FILE}; choose a folder that is new or empty"
+            )
+        self.finish({})
+
+    def note(self, found: Mapping[str, Any], turns: int) -> None:
+        """Write what was found so far, unless the file tells of as many turns already.
+
+        Args:
+            found: Records by what they are about.
+            turns: How many of them are turns.
+        """
+        if turns > self._turns_there:
+            self.finish(found)
+
+    def finish(self, found: Mapping[str, Any]) -> None:
+        """Write all that was found."""
+        plain = {"format": FORMAT, "settings": self._settings, **found}
+        text = json.dumps(_without_nan(to_plain(plain)), indent=2, allow_nan=False)
+        write_if_new(self._file, f"{text}\n".encode())
+
+    def _check(self, data: bytes) -> None:
+        """Check that the file is of these settings, and count its turns."""
+        try:
+            there = json.loads(data)
+            is_ours = there["format"] == FORMAT
+            settings = from_plain(FlywheelSettings, there["settings"], "settings")
+            self._turns_there = sum(len(arm) for arm in there.get("arms", {}).values())
+        except ConfigError as error:
+            raise UsageError(f"{self._file}: {error}; choose another folder") from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            is_ours = False
+        if not is_ours:
+            raise UsageError(
+                f"{self._file} is none that this version can read; choose another folder"
+            )
+        different = first_difference(to_plain(settings), to_plain(self._settings))
+        if different:
+            raise UsageError(
+                f"{self._file} is of other settings, there against here: {different}; give the same"
+                " settings to go on, or choose another folder"
+            )
+
+
+def _without_nan(value: Any) -> Any:
+    """Return plain data with null for NaN, which JSON lacks: the ends of intervals of nothing."""
+    if isinstance(value, Mapping):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and math.isnan(value) else value

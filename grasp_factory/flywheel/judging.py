@@ -1,0 +1,143 @@
+"""How good a round's networks are on held-out objects, and where they were wrong on their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.baselines.scores import FIGURES, RESAMPLES, Bootstrap, Estimate, interval
+from grasp_factory.baselines.watching import Watch, unwatched
+from grasp_factory.dataset import Dataset
+from grasp_factory.examples import Examples
+from grasp_factory.geometry import Array
+from grasp_factory.networks import GraspModel
+
+SURE = 0.9
+"""A model is sure of an outcome that it gives this probability, or more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judgement:
+    """Figures of a round's networks, whole and over resamples."""
+
+    whole: Mapping[str, float]
+    """Mean over the networks, by figure."""
+    drawn: Mapping[str, Array]
+    """(R,) by figure; each resample draws objects, and networks."""
+
+    def scores(self) -> dict[str, Estimate]:
+        """Return each figure with its interval."""
+        return {
+            name: _within(interval(self.whole[name], self.drawn[name]), 0.0, 1.0)
+            for name in self.whole
+        }
+
+    def gains(self, over: Judgement) -> dict[str, Estimate]:
+        """Return by how much each figure exceeds another judgement's, resample by resample."""
+        return {
+            name: interval(self.whole[name] - over.whole[name], self.drawn[name] - over.drawn[name])
+            for name in self.whole
+        }
+
+
+class Judge:
+    """Judges networks on the same episodes and the same resamples."""
+
+    def __init__(self, held_out: Examples) -> None:
+        """Draw the resamples.
+
+        Args:
+            held_out: Of both labels.
+        """
+        self._held_out = held_out
+        self._bootstrap = Bootstrap(held_out.success, held_out.object_id, seed=0)
+
+    def judge(self, models: Sequence[GraspModel], watch: Watch = unwatched) -> Judgement:
+        """Return the figures of a round's networks.
+
+        Networks at the same place in two rounds have the same training seed, and the same ones are
+        drawn of both, so that gains are paired.
+        """
+        answers = [model.predict(self._held_out.inputs) for model in models]
+        whole, drawn = {}, {}
+        with watch("judging", len(FIGURES)) as step:
+            for name, figure in FIGURES.items():
+                whole[name] = float(np.mean([self._bootstrap.whole(figure, p) for p in answers]))
+                each = np.array([self._bootstrap.over_resamples(figure, p) for p in answers])
+                picks = np.random.default_rng(0).integers(len(answers), size=each.shape)
+                drawn[name] = np.take_along_axis(each, picks, axis=0).mean(axis=0)
+                step()
+        return Judgement(whole=whole, drawn=drawn)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mistakes:
+    """How a model's probabilities fared on the grasps that were made with it."""
+
+    episodes: int
+    """That it judged."""
+    expected: float
+    """Mean probability to hold."""
+    success: Estimate
+    """Share that held."""
+    wrong: Estimate
+    """Share in which the less probable outcome came about."""
+    surprise: Estimate
+    """Mean cross-entropy, nats: that of a coin is 0.69."""
+    sure: int
+    """Episodes of whose outcome it was sure."""
+    wrong_when_sure: Estimate | None
+    """Share of these in which it was wrong; None without any."""
+
+
+def mistakes_of(dataset: Dataset) -> Mistakes | None:
+    """Compare the scores of a store's executed grasps, which are log odds, with their outcomes.
+
+    Returns:
+        None if no episode has a grasp.
+    """
+    rows = dataset.committed
+    rows = rows[np.isfinite(dataset.column("grasp_score")[rows])]
+    if not len(rows):
+        return None
+    odds, success, objects = (
+        dataset.column(name)[rows] for name in ("grasp_score", "success", "object_id")
+    )
+    holds = 1.0 / (1.0 + np.exp(-odds))
+    wrong = (holds >= 0.5) != success
+    sure = np.maximum(holds, 1.0 - holds) >= SURE
+    return Mistakes(
+        episodes=len(rows),
+        expected=float(holds.mean()),
+        success=object_mean(success, objects),
+        wrong=object_mean(wrong, objects),
+        surprise=object_mean(np.logaddexp(0.0, odds) - success * odds, objects),
+        sure=int(sure.sum()),
+        wrong_when_sure=object_mean(wrong[sure], objects[sure]) if sure.any() else None,
+    )
+
+
+def object_mean(values: NDArray[np.generic], object_id: NDArray[np.str_]) -> Estimate:
+    """Return the mean of episodes' values (K,), with an interval over resampled objects.
+
+    Args:
+        values: Numbers or truth values, at least one.
+        object_id: Of each episode, (K,).
+    """
+    numbers = values.astype(np.float64)
+    names, place = np.unique(object_id, return_inverse=True)
+    sums = np.bincount(place, numbers, len(names))
+    counts = np.bincount(place, minlength=len(names))
+    share = np.full(len(names), 1.0 / len(names))
+    times = np.random.default_rng(0).multinomial(len(names), share, size=RESAMPLES)
+    found = interval(float(numbers.mean()), (times @ sums) / (times @ counts))
+    return _within(found, numbers.min(), numbers.max())
+
+
+def _within(found: Estimate, lowest: float, highest: float) -> Estimate:
+    """Return an estimate whose interval ends where the figure's range does."""
+    low, high = np.clip([found.low, found.high], lowest, highest)
+    return Estimate(value=found.value, low=float(low), high=float(high))

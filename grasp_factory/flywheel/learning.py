@@ -1,0 +1,139 @@
+"""What a round learns from, and its networks: trained, or found in their files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp_factory import __version__
+from grasp_factory.baselines.training import TrainSettings, fit
+from grasp_factory.baselines.watching import Watch
+from grasp_factory.config import first_difference
+from grasp_factory.crops import CropShape
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import UsageError
+from grasp_factory.examples import ExampleReader, Examples
+from grasp_factory.flywheel.files import read, write_if_new
+from grasp_factory.flywheel.stores import StoreFacts
+from grasp_factory.networks import KINDS, GraspModel, TouchWindow, load_model, save_model
+from grasp_factory.records import to_plain
+
+KIND = "vision"
+"""Of all networks of a flywheel: the policy ``learned`` ranks by it before anything is touched."""
+VERSIONS = "versions"
+"""Among a model's facts: what trained it, which says nothing about what it was trained on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lessons:
+    """What is learned from."""
+
+    stores: tuple[StoreFacts, ...]
+    train: Examples
+    val: Examples
+
+    def and_then(self, more: Lessons) -> Lessons:
+        """Return these with others after them."""
+        return Lessons(
+            stores=(*self.stores, *more.stores),
+            train=joined([self.train, more.train]),
+            val=joined([self.val, more.val]),
+        )
+
+
+def lessons_of(dataset: Dataset, facts: StoreFacts, watch: Watch) -> Lessons:
+    """Read the examples of a round's store.
+
+    Raises:
+        UsageError: if it has no episode with a grasp.
+    """
+    reader = _reader(dataset)
+    rows = reader.usable()
+    split = dataset.column("split")[rows]
+    with watch("reading", len(rows)) as step:
+        train, val = (reader.read(rows[split == name], step) for name in ("train", "val"))
+    return Lessons(stores=(facts,), train=train, val=val)
+
+
+def held_out_examples(dataset: Dataset, watch: Watch) -> Examples:
+    """Read the examples that networks are judged on.
+
+    Raises:
+        UsageError: if there are not some of both labels.
+    """
+    reader = _reader(dataset)
+    rows = reader.usable()
+    with watch("reading", len(rows)) as step:
+        examples = reader.read(rows, step)
+    good = int(examples.success.sum())
+    if not 0 < good < len(examples):
+        raise UsageError(
+            f"evaluation: {good} of {len(examples)} usable episodes are a success; valid: some of"
+            " both kinds; begin another folder with a larger --eval"
+        )
+    return examples
+
+
+def joined(parts: Sequence[Examples]) -> Examples:
+    """Return the examples of several stores one after the other; ``rows`` are those in each."""
+    inputs = {name: np.concatenate([p.inputs[name] for p in parts]) for name in parts[0].inputs}
+    others = {
+        field.name: np.concatenate([getattr(part, field.name) for part in parts])
+        for field in dataclasses.fields(Examples)
+        if field.name != "inputs"
+    }
+    return Examples(inputs=inputs, **others)
+
+
+def learn(file: Path, lessons: Lessons, settings: TrainSettings, watch: Watch) -> GraspModel:
+    """Return the network in a file, which is trained and written if it is not there.
+
+    Raises:
+        UsageError: if the file has another network, or there is too little to learn from.
+    """
+    facts = _facts(lessons, settings)
+    data = read(file)
+    if data is None:
+        trained = fit(
+            KIND, lessons.train, lessons.val, settings,
+            crop=CropShape(), touch=TouchWindow(), facts=facts, watch=watch,
+        )  # fmt: skip
+        data = save_model(trained.model)
+        write_if_new(file, data)
+    try:
+        model = load_model(data, KIND)
+    except UsageError as error:
+        raise UsageError(f"{file}: {error}; move it away and run the same command again") from None
+    different = first_difference(_lasting(model.facts), _lasting(facts))
+    if different:
+        raise UsageError(
+            f"{file} was trained on something else ({different}); move it away and run the same"
+            " command again, or choose another folder"
+        )
+    return model
+
+
+def _reader(dataset: Dataset) -> ExampleReader:
+    return ExampleReader(dataset=dataset, uses=KINDS[KIND])
+
+
+def _facts(lessons: Lessons, settings: TrainSettings) -> dict[str, Any]:
+    return {
+        "stores": {store.path: to_plain(store) for store in lessons.stores},
+        "train_examples": len(lessons.train),
+        "val_examples": len(lessons.val),
+        "settings": to_plain(settings),
+        VERSIONS: {"grasp_factory": __version__, "torch": version("torch")},
+    }
+
+
+def _lasting(facts: Mapping[str, Any]) -> Any:
+    """Return what must be the same for a network to be taken, as JSON gives it back."""
+    return json.loads(json.dumps({k: v for k, v in facts.items() if k != VERSIONS}))

@@ -1,0 +1,70 @@
+"""The stores of a flywheel: made or completed, and what is remembered of each."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from grasp_factory.config import FactoryConfig
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import FailuresError
+from grasp_factory.factory import Summary, generate
+from grasp_factory.request import Request
+
+Make = Callable[[Request], Summary]
+"""Makes the episodes of a request that are missing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreFacts:
+    """Where episodes come from."""
+
+    path: str
+    """In the flywheel's folder."""
+    seed: int
+    config_sha256: str
+    contents_sha256: str
+    """Over the numbers and checksums of the episodes."""
+    episodes: int
+    successes: int
+    quarantined: int
+
+
+def make_quietly(request: Request) -> Summary:
+    """Make the missing episodes of a request and tell nobody."""
+    return generate(request.config, request.n, request.out, request.workers)
+
+
+def complete(path: Path, config: FactoryConfig, n: int, *, workers: int, make: Make) -> Dataset:
+    """Make sure that the store at a path holds ``n`` episodes of a config, and open it.
+
+    Raises:
+        UsageError, StoreError, WorkerError: as ``factory.generate`` does.
+        FailuresError: if too many are quarantined.
+    """
+    summary = make(Request(config=config, n=n, out=path, workers=workers))
+    if summary.failed:
+        raise FailuresError(
+            f"{len(summary.quarantined)} of {summary.asked} episodes of {path} are quarantined;"
+            f" `grasp-factory info {path}` counts them"
+        )
+    return Dataset.open(path)
+
+
+def facts_of(folder: Path, dataset: Dataset) -> StoreFacts:
+    """Return what is remembered of a store in a flywheel's folder."""
+    rows = dataset.committed
+    digest = hashlib.sha256()
+    for row, checksum in zip(rows.tolist(), dataset.column("checksum")[rows], strict=True):
+        digest.update(f"{row} {checksum}\n".encode())
+    return StoreFacts(
+        path=dataset.path.relative_to(folder).as_posix(),
+        seed=dataset.config.seed,
+        config_sha256=dataset.config.sha256(),
+        contents_sha256=digest.hexdigest(),
+        episodes=len(rows),
+        successes=int(dataset.column("success")[rows].sum()),
+        quarantined=len(dataset) - len(rows),
+    )

@@ -1,0 +1,57 @@
+"""How often grasps hold: each arm's last model chooses them, beside the config's own policies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.baselines.scores import Estimate
+from grasp_factory.dataset import Dataset
+from grasp_factory.flywheel.judging import object_mean
+from grasp_factory.flywheel.stores import StoreFacts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """What an arm's last model achieved."""
+
+    model_sha256: str
+    store: StoreFacts
+    success: Estimate
+    """Share of the episodes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tries:
+    """Success rates in the same held-out scenes."""
+
+    arms: Mapping[str, Tried]
+    gain: Estimate | None
+    """Of the active arm over the random one, scene by scene; None for one arm."""
+    policies: Mapping[str, Estimate]
+    """Of the config's own policies, in all held-out episodes."""
+
+
+def success_of(dataset: Dataset) -> Estimate:
+    """Return the share of a store's episodes that are a success."""
+    rows = dataset.committed
+    return object_mean(dataset.column("success")[rows], dataset.column("object_id")[rows])
+
+
+def success_by_policy(dataset: Dataset) -> dict[str, Estimate]:
+    """Return that share for the episodes of each policy."""
+    rows = dataset.committed
+    success, policy, objects = (
+        dataset.column(name)[rows] for name in ("success", "policy", "object_id")
+    )
+    names = sorted(set(policy.tolist()))
+    return {name: object_mean(success[policy == name], objects[policy == name]) for name in names}
+
+
+def success_gain(active: Dataset, random: Dataset) -> Estimate:
+    """Return by how much the share differs, over the scenes that both stores have."""
+    rows = np.intersect1d(active.committed, random.committed)
+    more = active.column("success")[rows].astype(float) - random.column("success")[rows]
+    return object_mean(more, active.column("object_id")[rows])

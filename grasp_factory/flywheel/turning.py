@@ -1,0 +1,207 @@
+"""The rounds: generate with the last model, train on all so far, judge, and again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp_factory import models as kept
+from grasp_factory.baselines.scores import LEVEL, RESAMPLES
+from grasp_factory.baselines.watching import Watch, unwatched
+from grasp_factory.config import FactoryConfig
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import UsageError
+from grasp_factory.factory import check_names
+from grasp_factory.flywheel.files import make_folder, write_if_new
+from grasp_factory.flywheel.journal import Journal
+from grasp_factory.flywheel.judging import Judge, mistakes_of
+from grasp_factory.flywheel.learning import (
+    VERSIONS,
+    Lessons,
+    held_out_examples,
+    learn,
+    lessons_of,
+)
+from grasp_factory.flywheel.plot import picture_of
+from grasp_factory.flywheel.settings import ARMS, FlywheelSettings
+from grasp_factory.flywheel.stores import Make, complete, facts_of, make_quietly
+from grasp_factory.flywheel.tries import (
+    Tried,
+    Tries,
+    success_by_policy,
+    success_gain,
+    success_of,
+)
+from grasp_factory.flywheel.turns import Choice, ModelFacts, Stand, Turn, gains_of
+from grasp_factory.networks import GraspModel
+from grasp_factory.request import Request
+
+PICTURE = "flywheel.png"
+
+
+def turn_flywheel(
+    settings: FlywheelSettings,
+    folder: Path,
+    workers: int = 2,
+    *,
+    make: Make = make_quietly,
+    watch: Watch = unwatched,
+) -> dict[str, Any]:
+    """Make all rounds of a flywheel in a folder, or those that are missing.
+
+    Each arm learns from round 0 and from rounds of its own, and all are judged on the same
+    held-out episodes. What is there stays as it is, and is made again byte for byte if it is not.
+
+    Args:
+        settings: What decides the content.
+        folder: New, empty, or of the same settings.
+        workers: Processes that make episodes.
+        make: Makes them.
+        watch: Follows reading and training.
+
+    Returns:
+        Records by what they are about, as in flywheel.json: ``evaluation``, ``arms``, ``gains``
+        and ``tries``.
+
+    Raises:
+        UsageError: for what cannot be done, or a folder of other settings.
+        StoreError, WorkerError, FailuresError: as ``factory.generate`` does.
+    """
+    check_names(settings.start_config)
+    check_names(settings.evaluation_config)
+    settings.check_learned()
+    Request(config=settings.config, workers=workers)
+    wheel = _Flywheel(settings, folder, workers=workers, make=make, watch=watch)
+    return wheel.turn()
+
+
+class _Flywheel:
+    """A folder and what is known of it."""
+
+    def __init__(
+        self,
+        settings: FlywheelSettings,
+        folder: Path,
+        *,
+        workers: int,
+        make: Make,
+        watch: Watch,
+    ) -> None:
+        self._settings, self._folder = settings, folder
+        self._workers, self._make, self._watch = workers, make, watch
+        self._journal = Journal(folder, settings)
+        n = settings.evaluation
+        self._evaluation = self._complete("evaluation.zarr", settings.evaluation_config, n)
+        held_out = held_out_examples(self._evaluation, watch)
+        self._judge = Judge(held_out)
+        self._found: dict[str, Any] = {
+            "evaluation": {
+                "store": facts_of(folder, self._evaluation),
+                "examples": len(held_out),
+                "objects": len(np.unique(held_out.object_id)),
+                "successes": int(held_out.success.sum()),
+                "intervals": f"{LEVEL:.0%}, {RESAMPLES} resamples of objects and training seeds",
+            }
+        }
+
+    def turn(self) -> dict[str, Any]:
+        """Make all rounds and say what was found."""
+        start = self._start()
+        stands = {arm: [start] for arm in self._settings.arms}
+        self._note(stands)
+        for number in range(1, self._settings.rounds + 1):
+            for arm, line in stands.items():
+                line.append(self._round(number, arm, line[-1]))
+                self._note(stands)
+        if self._settings.tries:
+            last = {arm: line[-1].models[0].sha256 for arm, line in stands.items()}
+            self._found["tries"] = self._tries(last)
+        self._journal.finish(self._found)
+        picture = picture_of(self._found["arms"], self._found["gains"])
+        write_if_new(self._folder / PICTURE, picture)
+        return self._found
+
+    def _note(self, stands: Mapping[str, Sequence[Stand]]) -> None:
+        arms = {arm: [stand.turn for stand in line] for arm, line in stands.items()}
+        gains = gains_of(*stands.values()) if len(stands) > 1 else []
+        self._found |= {"arms": arms, "gains": gains}
+        self._journal.note(self._found, sum(map(len, arms.values())))
+
+    def _start(self) -> Stand:
+        config, n = self._settings.start_config, self._settings.start
+        dataset = self._complete("round0.zarr", config, n)
+        return self._stand(0, self._folder, self._lessons(dataset), None)
+
+    def _round(self, number: int, arm: str, before: Stand) -> Stand:
+        sha256 = before.models[0].sha256
+        make_folder(self._folder / arm)
+        config, n = self._settings.round_config(number, arm, sha256), self._settings.budget
+        dataset = self._complete(f"{arm}/round{number}.zarr", config, n)
+        lessons = before.lessons.and_then(self._lessons(dataset))
+        choice = Choice(model_sha256=sha256, prefer=ARMS[arm], mistakes=mistakes_of(dataset))
+        return self._stand(number, self._folder / arm, lessons, choice)
+
+    def _lessons(self, dataset: Dataset) -> Lessons:
+        return lessons_of(dataset, facts_of(self._folder, dataset), self._watch)
+
+    def _stand(self, number: int, place: Path, lessons: Lessons, choice: Choice | None) -> Stand:
+        """Train a round's networks, or find them, and judge them."""
+        models, told = [], []
+        for seed in range(self._settings.seeds):
+            file = place / f"round{number}{f'.seed{seed}' if seed else ''}.safetensors"
+            model = self._learned(file, lessons, seed, number)
+            models.append(model)
+            told.append(
+                ModelFacts(
+                    path=file.relative_to(self._folder).as_posix(),
+                    sha256=model.sha256,
+                    settings=model.facts["settings"],
+                    versions=model.facts[VERSIONS],
+                )
+            )
+            if not seed:
+                kept.keep(file.read_bytes())  # where the policy learned looks for it
+        judgement = self._judge.judge(models, self._watch)
+        turn = Turn(
+            round=number,
+            store=lessons.stores[-1],
+            choice=choice,
+            learned_from=tuple(store.path for store in lessons.stores),
+            episodes=sum(store.episodes for store in lessons.stores),
+            train_examples=len(lessons.train),
+            val_examples=len(lessons.val),
+            models=tuple(told),
+            scores=judgement.scores(),
+        )
+        return Stand(lessons=lessons, models=models, judgement=judgement, turn=turn)
+
+    def _learned(self, file: Path, lessons: Lessons, seed: int, number: int) -> GraspModel:
+        try:
+            return learn(file, lessons, self._settings.training(seed), self._watch)
+        except UsageError as error:
+            raise UsageError(f"round {number}: {error}") from None
+
+    def _tries(self, last: Mapping[str, str]) -> Tries:
+        """Let each arm's last model choose grasps in the scenes of the held-out episodes."""
+        n = self._settings.tries
+        made = {
+            arm: self._complete(f"{arm}/tries.zarr", self._settings.tries_config(sha256), n)
+            for arm, sha256 in last.items()
+        }
+        arms = {
+            arm: Tried(
+                model_sha256=last[arm],
+                store=facts_of(self._folder, dataset),
+                success=success_of(dataset),
+            )
+            for arm, dataset in made.items()
+        }
+        gain = success_gain(*made.values()) if len(made) > 1 else None
+        return Tries(arms=arms, gain=gain, policies=success_by_policy(self._evaluation))
+
+    def _complete(self, name: str, config: FactoryConfig, n: int) -> Dataset:
+        path = self._folder / name
+        return complete(path, config, n, workers=self._workers, make=self._make)

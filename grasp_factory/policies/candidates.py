@@ -1,0 +1,130 @@
+"""Downward grasps about the target, drawn as those were that models of grasps are trained on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.geometry import Array
+from grasp_factory.gripper import Gripper
+from grasp_factory.policies.base import TIP_CLEARANCE, looking_down
+from grasp_factory.policies.top_down import grasp_height
+
+POINTS = 4000
+"""Points of the target that are looked at, evenly spaced in their order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Region:
+    """Where grasps may be: the target as it is seen, and the gripper that shall go there."""
+
+    points: Array
+    """(N, 3) metres, world: at least one, of the target."""
+    gripper: Gripper
+
+    @property
+    def middle(self) -> Array:
+        """The middle of the box about the points, seen from above, (2,)."""
+        return np.asarray(self.points[:, :2].min(axis=0) + self.points[:, :2].max(axis=0)) / 2.0
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """The lowest and the highest TCP: tips off the table, and the target's highest point."""
+        deepest = self.gripper.tip_distance + TIP_CLEARANCE
+        return deepest, max(deepest, float(self.points[:, 2].max()))
+
+    @classmethod
+    def around(cls, points: Array, gripper: Gripper) -> Region:
+        """Return the region of a target with these points (N, 3)."""
+        rows = np.linspace(0, len(points) - 1, min(len(points), POINTS)).astype(int)
+        return cls(points=points[rows], gripper=gripper)
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Downward grasps."""
+
+    tcp: Array
+    """(K, 3) metres, world."""
+    yaw: Array
+    """(K,) rad: the closing direction, seen from above."""
+    width: Array
+    """(K,) metres between the pads before closing."""
+
+    def __len__(self) -> int:
+        return len(self.tcp)
+
+    def poses(self) -> Array:
+        """Return ``T_world_tcp`` of each, (K, 4, 4)."""
+        rows = zip(self.tcp.tolist(), self.yaw.tolist(), strict=True)
+        poses = [looking_down(x, y, z, yaw) for (x, y, z), yaw in rows]
+        return np.array(poses).reshape(-1, 4, 4)
+
+    def take(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> Candidates:
+        """Return those that rows or a mask choose."""
+        return Candidates(self.tcp[rows], self.yaw[rows], self.width[rows])
+
+    def joined(self, others: Candidates) -> Candidates:
+        """Return these and then the others."""
+        return Candidates(
+            np.concatenate([self.tcp, others.tcp]),
+            np.concatenate([self.yaw, others.yaw]),
+            np.concatenate([self.width, others.width]),
+        )
+
+
+def draw_open(region: Region, rng: np.random.Generator, count: int, aim: float) -> Candidates:
+    """Draw grasps of the fully open gripper with any aim, yaw and depth, as ``uniform`` does.
+
+    Args:
+        region: Where.
+        rng: What they are drawn from.
+        count: How many.
+        aim: Half the side of the square about the target's middle that they aim into, metres.
+    """
+    return Candidates(
+        np.column_stack(
+            [
+                region.middle + rng.uniform(-aim, aim, size=(count, 2)),
+                rng.uniform(*region.heights, size=count),
+            ]
+        ),
+        rng.uniform(-np.pi / 2.0, np.pi / 2.0, size=count),
+        np.full(count, region.gripper.max_width),
+    )
+
+
+def draw_fitted(
+    region: Region, rng: np.random.Generator, count: int, *, aim: float, clearance: float,
+    margin: float,
+) -> Candidates:  # fmt: skip
+    """Draw grasps about what the gripper spans, half way up, as ``top_down`` does, at any yaw.
+
+    Args:
+        region: Where.
+        rng: What they are drawn from.
+        count: How many.
+        aim: How far from the target's middle they may be, across the closing direction, metres.
+        clearance: Of the pads from the target at the sides along which they go down, metres.
+        margin: That each pad keeps from the target where the gripper opens far enough, metres.
+    """
+    yaw = rng.uniform(-np.pi / 2.0, np.pi / 2.0, size=count)
+    offset = rng.uniform(-aim, aim, size=count)
+    closing = np.column_stack([np.cos(yaw), np.sin(yaw)])
+    across = np.column_stack([-closing[:, 1], closing[:, 0]])
+    x, y = (region.points[:, :2] - region.middle).T
+    u, v = (way[:, :1] * x + way[:, 1:] * y for way in (closing, across))  # (K, N)
+    offset = np.clip(offset, v.min(axis=1), v.max(axis=1))
+    half_strip = region.gripper.pad_size[0] / 2.0 + clearance
+    inside = np.abs(v - offset[:, None]) < half_strip
+    low = np.where(inside, u, np.inf).min(axis=1)
+    high = np.where(inside, u, -np.inf).max(axis=1)
+    empty = ~inside.any(axis=1)  # in the hole of a ring
+    low[empty] = high[empty] = 0.0
+    center = (low + high) / 2.0
+    xy = region.middle + center[:, None] * closing + offset[:, None] * across
+    z = np.full(count, grasp_height(region.heights[1], region.gripper))
+    width = np.minimum(high - low + 2.0 * margin, region.gripper.max_width)
+    return Candidates(np.column_stack([xy, z]), yaw, width)

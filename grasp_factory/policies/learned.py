@@ -1,0 +1,121 @@
+"""Drawn grasps in the order of a trained model: what it takes for best, or knows least about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp_factory.cache import is_digest
+from grasp_factory.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.geometry import Array, apply, inverse
+from grasp_factory.models import find_model
+from grasp_factory.networks import GraspModel, grasp_inputs
+from grasp_factory.policies.base import Policy, target_points, visible_points
+from grasp_factory.policies.candidates import Candidates, Region, draw_fitted, draw_open
+from grasp_factory.policies.clearance import is_hit, open_gripper
+from grasp_factory.policies.top_down import CLEARANCE, OFFSETS, THINNING, TopDownParameters
+from grasp_factory.records import check, check_range
+
+PREFERENCES: Mapping[str, Callable[[Array], Array]] = {
+    "best": np.negative,
+    "uncertain": np.abs,
+    "random": np.zeros_like,
+}
+"""From log odds (K,) to what the grasps are sorted by, ascending; ties stay as they were drawn."""
+SUREST = 1e-6
+"""A probability is taken to be at least so far from 0 and 1, so that its log odds are finite."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedParameters:
+    """Settings of ``learned``."""
+
+    model: str = ""
+    """SHA-256 of the file of an imported model; there is no default."""
+    candidates: int = 64
+    """Grasps that are drawn for the model to judge."""
+    fitted: float = 0.5
+    """Share of them whose middle and width fit what the gripper spans; the others are as those of
+    ``uniform``."""
+    aim_noise: float = 0.035
+    """Metres: half the side of the square around the target's middle that these others aim into."""
+    prefer: str = "best"
+    """What comes first: ``best``, the most probable; ``uncertain``, a probability near a half; or
+    ``random``."""
+    ranked: int = 8
+    """Grasps that are proposed."""
+
+    def __post_init__(self) -> None:
+        valid = "the SHA-256 of a trained model's file, which --model FILE imports and sets"
+        check(is_digest(self.model), "model", self.model, valid)
+        check_range(self, "candidates", 1, 4096)
+        check_range(self, "fitted", 0.0, 1.0)
+        check_range(self, "aim_noise", 0.0, 0.5, "m")
+        check(self.prefer in PREFERENCES, "prefer", self.prefer, ", ".join(PREFERENCES))
+        check_range(self, "ranked", 1, 256)
+
+
+def plan(view: SceneView, rng: np.random.Generator, settings: LearnedParameters) -> GraspPlan:
+    """Return drawn grasps in the order of preference; the score is the log odds to hold.
+
+    Grasps at which the gripper would meet what is seen of other objects are left out, unless all
+    are such.
+
+    Raises:
+        ConfigError: if this machine has not imported the model.
+        UsageError: if the model cannot be loaded.
+    """
+    points = target_points(view)
+    if not len(points):
+        return GraspPlan(grasps=())
+    found = _free(view, _drawn(Region.around(points, view.gripper), rng, settings))
+    odds = _log_odds(view, found, find_model(settings.model))
+    order = np.argsort(PREFERENCES[settings.prefer](odds), kind="stable")[: settings.ranked]
+    chosen = found.take(order)
+    rows = zip(chosen.poses(), chosen.width.tolist(), odds[order].tolist(), strict=True)
+    return GraspPlan(
+        grasps=tuple(Grasp(T_world_tcp=T, width=width, score=score) for T, width, score in rows)
+    )
+
+
+def _drawn(region: Region, rng: np.random.Generator, settings: LearnedParameters) -> Candidates:
+    """Return the candidates of both kinds, mixed."""
+    fitted = round(settings.fitted * settings.candidates)
+    gap = TopDownParameters()
+    found = draw_open(region, rng, settings.candidates - fitted, settings.aim_noise).joined(
+        draw_fitted(
+            region, rng, fitted, aim=max(OFFSETS),
+            clearance=gap.finger_clearance, margin=gap.opening_margin,
+        )
+    )  # fmt: skip
+    return found.take(rng.permutation(len(found)))
+
+
+def _free(view: SceneView, found: Candidates) -> Candidates:
+    """Return those at which the gripper meets no other object, or all if there are none."""
+    neighbors = visible_points(view, lambda labels: labels > view.target_label)[::THINNING]
+    if not len(neighbors):
+        return found
+    rows = zip(found.poses(), found.width.tolist(), strict=True)
+    hits = [
+        is_hit(open_gripper(view.gripper, width), apply(inverse(T), neighbors), CLEARANCE)
+        for T, width in rows
+    ]
+    return found if all(hits) else found.take(~np.array(hits))
+
+
+def _log_odds(view: SceneView, found: Candidates, model: GraspModel) -> Array:
+    """Return the logarithm of the odds that each grasp holds, (K,)."""
+    inputs = grasp_inputs(view, found.poses(), found.width, model.crop)
+    holds = np.clip(model.predict(inputs), SUREST, 1.0 - SUREST)
+    return np.asarray(np.log(holds) - np.log1p(-holds))
+
+
+LEARNED = Policy(
+    name="learned",
+    description="drawn grasps in the order of a trained model (--model FILE)",
+    parameters=LearnedParameters,
+    plan=plan,
+)

@@ -1,0 +1,195 @@
+"""What sensors show of a store's episodes, on demand: images, series, point clouds, crops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from grasp_factory.checked import CheckedColumns
+from grasp_factory.clouds import PointCloud
+from grasp_factory.config import FactoryConfig
+from grasp_factory.crops import CropShape, GraspCrop
+from grasp_factory.episode import CameraImage
+from grasp_factory.errors import UsageError, shown
+from grasp_factory.geometry import Array
+from grasp_factory.indexing import RowIndex
+from grasp_factory.readings import IMAGES, Readings
+from grasp_factory.schema import Field
+from grasp_factory.table import EpisodeTable
+from grasp_factory.writers.columns import Columns
+
+RIGID = 1e-4
+"""How far a rotation's products may be from the identity's, as after a trip through float32."""
+
+
+class EpisodeViews(EpisodeTable):
+    """The table of a store, and what its rows' sensors show.
+
+    Attributes:
+        config: what the store was made from.
+    """
+
+    config: FactoryConfig
+
+    def __init__(
+        self,
+        columns: Columns | CheckedColumns,
+        fields: Mapping[str, Field],
+        rows: RowIndex,
+        readings: Readings,
+    ) -> None:
+        """Use a store's columns, their fields by path, its row index and its readings."""
+        super().__init__(columns, fields, rows)
+        self._readings = readings
+
+    def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
+        """Return one image, reading no other.
+
+        Args:
+            index: the episode's.
+            camera: a key of ``config.cameras``.
+            kind: rgb (H, W, 3) uint8, depth (H, W) float32 in metres, or segmentation (H, W) uint8.
+            frame: 0 before the attempt, 1 after.
+
+        Raises:
+            UnknownNameError: for a camera or kind that the store does not have.
+            IndexError: for an episode or a frame out of range.
+            StoreError: if the row is missing, quarantined or damaged.
+        """
+        image: NDArray[Any] = self.images([index], camera, kind, frame)[0]
+        return image
+
+    def images(self, indices: Iterable[int], camera: str, kind: str, frame: int) -> NDArray[Any]:
+        """Return the image of each of K episodes, (K, H, W, ...), opening each shard once.
+
+        Args:
+            indices: the episodes', in any order; the images come in theirs.
+            camera: see ``image``.
+            kind: see ``image``.
+            frame: see ``image``.
+
+        Raises:
+            UnknownNameError, IndexError, StoreError: as ``image`` does.
+        """
+        self._readings.check_image(camera, kind, frame)  # told before a wrong index
+        rows = self._rows.several(indices).tolist()
+        return self._readings.images(rows, camera, kind, frame)
+
+    def point_cloud(
+        self,
+        index: int,
+        camera: str | None = None,
+        frame: int = 0,
+        *,
+        of: str = "scene",
+        in_frame: str = "world",
+    ) -> PointCloud:
+        """Return what cameras see of an episode's scene as coloured, labelled points.
+
+        Pixels without depth, and those that see nothing up to the far plane, have no point.
+
+        Args:
+            index: the episode's.
+            camera: a key of ``config.cameras``; None for all of them in one cloud.
+            frame: 0 before the attempt, 1 after.
+            of: scene, objects (the target and the others), or one label's word, such as target.
+            in_frame: world, camera, tcp, grasp or object; ``clouds.FRAMES`` says what they are.
+
+        Raises:
+            UnknownNameError: for a name that there is not.
+            UsageError: for a camera's frame without a camera, or the frame of a grasp or an
+                attempt that the episode does not have.
+            IndexError, StoreError: as ``image`` does.
+        """
+        for name in self.config.cameras if camera is None else (camera,):
+            self._readings.check_image(name, "depth", frame)
+        row = self._rows.committed(index)
+        return self._readings.cloud(row, camera, frame, of, in_frame)
+
+    def calibration(self, index: int, camera: str, frame: int) -> tuple[Array, Array]:
+        """Return a camera's intrinsics K (3, 3), pixels, and pose ``T_world_camera`` (4, 4).
+
+        Raises:
+            UnknownNameError, IndexError, StoreError: as ``image`` does.
+        """
+        self._readings.check_image(camera, "depth", frame)
+        row = self._rows.committed(index)
+        intrinsics, poses = self._readings.calibrations([row], camera, frame)
+        return intrinsics[0], poses[0]
+
+    def scenes(
+        self, indices: Iterable[int], kinds: Sequence[str] = IMAGES, frame: int = 0
+    ) -> list[dict[str, CameraImage]]:
+        """Return what each camera sees in each of K episodes, opening each shard once.
+
+        Args:
+            indices: the episodes', in any order; the scenes come in theirs.
+            kinds: the images to read; the others are all 0, and take neither time nor memory.
+            frame: 0 before the attempt, 1 after.
+
+        Raises:
+            UnknownNameError, IndexError, StoreError: as ``image`` does.
+        """
+        for camera in self.config.cameras:
+            for kind in (*kinds, "depth"):
+                self._readings.check_image(camera, kind, frame)
+        rows = self._rows.several(indices).tolist()
+        return self._readings.scenes(rows, self.config.cameras, kinds, frame)
+
+    def grasp_crop(
+        self,
+        index: int,
+        shape: CropShape | None = None,
+        T_world_tcp: ArrayLike | None = None,
+        camera: str | None = None,
+    ) -> GraspCrop:
+        """Return what is seen around a grasp before the attempt, turned and scaled to the gripper.
+
+        Args:
+            index: the episode's.
+            shape: of the crop; None for the default.
+            T_world_tcp: any grasp in the episode's scene, (4, 4); None for the episode's own.
+            camera: a key of ``config.cameras``; None for all of them together.
+
+        Raises:
+            UsageError: if the episode has no grasp and none is given, or it is no pose.
+            UnknownNameError, IndexError, StoreError: as ``image`` does.
+        """
+        for name in self.config.cameras if camera is None else (camera,):
+            self._readings.check_image(name, "depth", 0)
+        row = self._rows.committed(index)
+        if T_world_tcp is not None:
+            T_world_tcp = _pose(T_world_tcp)
+        return self._readings.crop(row, camera, T_world_tcp, shape)
+
+    def series(self, index: int, *names: str) -> dict[str, NDArray[Any]]:
+        """Return some streams of one episode, unpadded, reading no others (than noise needs).
+
+        Raises:
+            UnknownNameError: listing the streams.
+        """
+        return self._readings.series(self._rows.committed(index), names)
+
+
+def _pose(T: ArrayLike) -> Array:
+    """Return a pose as an array.
+
+    Raises:
+        UsageError: if it is none.
+    """
+    try:
+        pose = np.asarray(T, np.float64)
+    except (TypeError, ValueError):
+        pose = np.empty(0)
+    is_pose = pose.shape == (4, 4) and np.isfinite(pose).all() and (pose[3] == [0, 0, 0, 1]).all()
+    if not is_pose or not _is_rotation(pose[:3, :3]):
+        valid = "a rigid transform, (4, 4), metres"
+        raise UsageError(f"T_world_tcp: got {shown(T)}, valid: {valid}")
+    return pose
+
+
+def _is_rotation(R: Array) -> bool:
+    return bool(np.allclose(R @ R.T, np.eye(3), atol=RIGID) and np.linalg.det(R) > 0.0)

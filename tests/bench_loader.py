@@ -1,0 +1,109 @@
+"""How quickly a loader feeds a training step, against the same examples in memory.
+
+    python tests/bench_loader.py grasps.zarr [--rows 2048] [--rounds 5] [--threads 2]
+
+A store of 640 x 480 pixels, such as `grasp-factory generate --n 2048` makes. In a round each
+feeds one epoch of steps of the `vision` network; the ratio is that of the same round, so that what
+else the machine does hits both. The page cache is warm.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn.functional import binary_cross_entropy_with_logits
+from torch.utils.data import DataLoader
+
+from grasp_factory.dataset import Dataset
+from grasp_factory.networks import KINDS
+from grasp_factory.networks.nets import GraspNet
+from grasp_factory.torch import GraspDataset, GraspStream
+
+BATCH = 64
+WORKERS = 2
+Batch = Mapping[str, Tensor]
+
+
+class Trainer:
+    """The network and its optimiser."""
+
+    def __init__(self, size: int) -> None:
+        torch.manual_seed(0)
+        self._net = GraspNet(KINDS["vision"], size).train()
+        self._optimizer = torch.optim.AdamW(self._net.parameters(), 1e-3)
+
+    def step(self, batch: Batch) -> None:
+        self._optimizer.zero_grad()
+        binary_cross_entropy_with_logits(self._net(batch), batch["success"]).backward()
+        self._optimizer.step()
+
+    def speed(self, batches: Iterable[Batch]) -> tuple[float, float]:
+        """Return examples per second over some batches, and CPU seconds of this process each."""
+        started, burnt, count = time.perf_counter(), time.process_time(), 0
+        for batch in batches:
+            self.step(batch)
+            count += len(batch["success"])
+        return count / (time.perf_counter() - started), (time.process_time() - burnt) / count
+
+
+class InMemory:
+    """All examples in tensors, in random batches."""
+
+    def __init__(self, examples: GraspDataset) -> None:
+        items = examples.__getitems__(range(len(examples)))
+        self._all = {n: torch.stack([item[n] for item in items]) for n in items[0] if n != "row"}
+
+    def __iter__(self) -> Any:
+        for chosen in torch.randperm(len(self._all["success"])).split(BATCH):
+            yield {name: values[chosen] for name, values in self._all.items()}
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--rows", type=int, default=2048)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--threads", type=int, default=torch.get_num_threads())
+    arguments = parser.parse_args()
+    torch.set_num_threads(arguments.threads)
+    dataset = Dataset.open(arguments.store)
+    examples = GraspDataset(dataset, dataset.committed[: arguments.rows])
+    memory, stream = InMemory(examples), GraspStream(examples)
+    loading: dict[str, Any] = {"batch_size": BATCH, "num_workers": WORKERS}
+    loading["persistent_workers"] = True
+    shuffled = DataLoader(examples, shuffle=True, **loading)
+    streamed = DataLoader(stream, **loading)
+    feeds: dict[str, Callable[[], Iterable[Batch]]] = {
+        "in memory": lambda: memory,
+        f"GraspDataset, {WORKERS} workers": lambda: shuffled,
+        f"GraspStream, {WORKERS} workers": lambda: streamed,
+    }
+    trainer = Trainer(48)
+    for feed in feeds.values():
+        trainer.speed(feed())  # warms the page cache, and starts the workers
+    speeds: dict[str, list[float]] = {name: [] for name in feeds}
+    for number in range(arguments.rounds):
+        examples.set_epoch(number)
+        for name, feed in feeds.items():
+            speeds[name].append(trainer.speed(feed())[0])
+    height, width = dataset.config.resolution[::-1]
+    print(f"{len(examples)} examples, {width}x{height}, {os.cpu_count()} cores, "
+          f"{arguments.threads} threads in the step, load {os.getloadavg()[0]:.1f}")  # fmt: skip
+    print(f"{'samples into a training step':32}{'per second':>12}{'of memory':>11}{'each round':>12}")
+    for name, each in speeds.items():
+        ratios = [a / b for a, b in zip(each, speeds["in memory"], strict=True)]
+        line = f"{name:32}{statistics.median(each):>12.0f}{statistics.median(ratios):>11.2f}     "
+        print(line + " ".join(f"{ratio:.2f}" for ratio in ratios))
+
+
+if __name__ == "__main__":
+    main()
