@@ -11,9 +11,7 @@ from typing import Any
 import click
 
 from grasp_factory.arguments import AS_JSON
-from grasp_factory.cli_train import LIBRARIES
 from grasp_factory.errors import EXIT_INTERRUPTED, EXIT_TERMINATED, Terminated
-from grasp_factory.networks import require
 from grasp_factory.options import dataset_options, request_from
 
 
@@ -85,7 +83,10 @@ def flywheel(
     all so far. The folder OUT gets stores, models, flywheel.json and flywheel.png. The same
     command goes on where it was stopped.
     """
-    require(*LIBRARIES)
+    
+    from grasp_factory.networks import require
+
+    require("torch", "safetensors", "sklearn", "matplotlib")
     from grasp_factory.flywheel import FlywheelSettings, turn_flywheel
     from grasp_factory.flywheel.journal import FILE
     from grasp_factory.flywheel.text import flywheel_text

@@ -30,6 +30,8 @@ KIND = "vision"
 VERSIONS = "versions"
 """Among a model's facts: what trained it, which says nothing about what it was trained on."""
 
+_LARGER = "begin another folder with a larger --eval"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lessons:
@@ -69,14 +71,17 @@ def held_out_examples(dataset: Dataset, watch: Watch) -> Examples:
         UsageError: if there are not some of both labels.
     """
     reader = _reader(dataset)
-    rows = reader.usable()
+    try:
+        rows = reader.usable()
+    except UsageError as error:
+        raise UsageError(f"{error}; {_LARGER}") from None
     with watch("reading", len(rows)) as step:
         examples = reader.read(rows, step)
     good = int(examples.success.sum())
     if not 0 < good < len(examples):
         raise UsageError(
             f"evaluation: {good} of {len(examples)} usable episodes are a success; valid: some of"
-            " both kinds; begin another folder with a larger --eval"
+            f" both kinds; {_LARGER}"
         )
     return examples
 
