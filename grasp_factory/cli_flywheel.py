@@ -83,7 +83,6 @@ def flywheel(
     all so far. The folder OUT gets stores, models, flywheel.json and flywheel.png. The same
     command goes on where it was stopped.
     """
-    
     from grasp_factory.networks import require
 
     require("torch", "safetensors", "sklearn", "matplotlib")

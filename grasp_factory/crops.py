@@ -155,7 +155,7 @@ class _Window:
         the depth changes less. So a plane stays one, and an edge stays where it is.
         """
         if self.parts == 1:
-            return image[self.rows, self.columns]
+            return np.ascontiguousarray(image[self.rows, self.columns])  # it is read four times
         rows, columns = (
             slice(max(0, part.start - 1), part.stop + 1) for part in (self.rows, self.columns)
         )
@@ -176,7 +176,8 @@ class _Window:
                 + down[:, None, :, None] * offsets[:, None, None]
                 + right[:, None, :, None] * offsets
             )
-            return np.asarray(1.0 / parts.reshape(len(inside) * self.parts, -1))
+            height, width = (side * self.parts for side in inside.shape)
+            return np.asarray(1.0 / parts.reshape(height, width))
 
     def pixel(self, part: NDArray[np.int64], width: int) -> NDArray[np.int64]:
         """Return the number, in an image so wide, of the pixel that a part is of; -1 for -1."""

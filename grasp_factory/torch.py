@@ -40,7 +40,6 @@ class GraspDataset(TorchDataset[Example]):
 
     It holds the columns that it needs and reads the rest on demand. It may be pickled, and used by
     a ``DataLoader`` with any number of workers and either start method.
-
     """
 
     def __init__(

@@ -135,8 +135,20 @@ class TestABoxOnATable:
         tops = np.fmax.reduce(fine.reshape(24, 2, 24, 2), axis=(1, 3))
         assert np.isclose(tops, coarse, atol=1e-6).mean() > 0.99
 
-    def test_is_not_there_for_a_camera_that_looks_away(self) -> None:
-        away = dataclasses.replace(BOX["front"], T_world_camera=look_at((1, 0, 0.5), (2, 0, 0.4)))
+    @pytest.mark.parametrize("step", [1, 10], ids=["fine", "coarse"])
+    @pytest.mark.parametrize("target", [(2, 0, 0.4), (0.55, 0.9, 0), (1, 0.1, 3)], ids=str)
+    def test_is_not_there_for_a_camera_that_looks_away(
+        self, target: tuple[float, float, float], step: int
+    ) -> None:
+        image = BOX["front"]
+        away = dataclasses.replace(
+            image,
+            depth=image.depth[::step, ::step],
+            segmentation=image.segmentation[::step, ::step],
+            rgb=image.rgb[::step, ::step],
+            intrinsics=np.diag([1.0 / step, 1.0 / step, 1.0]) @ image.intrinsics,
+            T_world_camera=look_at((1.15, 0, 0.58), target),
+        )
         for image in (away, dataclasses.replace(away, depth=np.full_like(away.depth, 1e30))):
             crop = grasp_crop([image], looking_down(*PLACE, YAW), SHAPE)
             assert np.isnan(crop.height).all()

@@ -350,6 +350,12 @@ class TestLearning:
         monkeypatch.setattr(learning, "__version__", "99.0")
         assert learn(file, lessons(), training, unwatched).sha256 == there.sha256
 
+    def test_too_little_to_learn_from_is_told_with_what_helps(self, tmp_path: Path) -> None:
+        few = dataclasses.replace(lessons(), val=examples(1))
+        with pytest.raises(UsageError, match=r"val: 1 of 1 usable .* larger --start"):
+            learn(tmp_path / "a.safetensors", few, settings_of().training(0), unwatched)
+        assert list(tmp_path.iterdir()) == []
+
     def test_a_file_that_is_no_network_is_named(self, tmp_path: Path) -> None:
         file = tmp_path / "a.safetensors"
         file.write_bytes(b"poem")
@@ -449,6 +455,16 @@ class TestPictureAndText:
             for png in (both, alone)
         ]
         assert widths[0] == 2 * widths[1]
+
+    def test_an_interval_of_nothing_or_beside_its_value_can_be_drawn(self) -> None:
+        odd = [
+            Estimate(value=0.5, low=np.nan, high=np.nan),
+            Estimate(value=0.5, low=np.nextafter(0.5, 1.0), high=0.5),
+        ]
+        for band in odd:
+            gain = dataclasses.replace(GAINS[0], scores={"auc": band})
+            turns = [dataclasses.replace(turn_of(0, 0.5), scores={"auc": band})]
+            assert picture_of({"active": turns}, [gain]).startswith(b"\x89PNG")
 
     def test_the_text_has_every_round_once_and_the_gain_with_its_interval(self) -> None:
         judged = {"examples": 40, "objects": 12, "intervals": "95%"}

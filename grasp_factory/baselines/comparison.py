@@ -19,7 +19,7 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.examples import ExampleReader, Examples
 from grasp_factory.geometry import Array
-from grasp_factory.networks import KINDS, TOUCH, TouchWindow
+from grasp_factory.networks import KINDS, TOUCH, WIDTH, TouchWindow
 from grasp_factory.records import check, to_plain
 
 ATTEMPTS, LIFTS = "attempts", "lifts"
@@ -80,7 +80,7 @@ class Course:
 
     kinds: Sequence[str] = tuple(KINDS)
     episodes: int | None = None
-    """Of the train split, the first; None for all."""
+    """Of the train split, the first in which a grasp was planned; None for all."""
     crop: CropShape = field(default_factory=CropShape)
     touch: TouchWindow = field(default_factory=TouchWindow)
     settings: TrainSettings = field(default_factory=TrainSettings)
@@ -144,12 +144,14 @@ def read_splits(
     parts: dict[str, Examples] = {}
     for split, source in (("train", dataset), ("val", dataset), ("test", test)):
         reader = ExampleReader(dataset=source, uses=uses, crop=course.crop, touch=course.touch)
+        planned = ExampleReader(dataset=source, uses=(WIDTH,))
         try:
-            rows = reader.usable(source.split(split))
+            rows = planned.usable(source.split(split))
+            if split == "train":
+                rows = rows[: course.episodes]  # every population learns from the same episodes
+            rows = reader.usable(rows)
         except UsageError as error:
             raise UsageError(f"split {split}: {error}; generate more, or name another") from None
-        if split == "train":
-            rows = rows[: course.episodes]
         with watch(f"reading {split}", len(rows)) as step:
             parts[split] = reader.read(rows, step)
     both = np.intersect1d(parts["train"].object_id, parts["test"].object_id)

@@ -41,13 +41,14 @@ class Lessons:
     train: Examples
     val: Examples
 
-    def and_then(self, more: Lessons) -> Lessons:
-        """Return these with others after them."""
-        return Lessons(
-            stores=(*self.stores, *more.stores),
-            train=joined([self.train, more.train]),
-            val=joined([self.val, more.val]),
-        )
+
+def together(parts: Sequence[Lessons]) -> Lessons:
+    """Return what several rounds teach, in their order."""
+    return Lessons(
+        stores=tuple(store for part in parts for store in part.stores),
+        train=joined([part.train for part in parts]),
+        val=joined([part.val for part in parts]),
+    )
 
 
 def lessons_of(dataset: Dataset, facts: StoreFacts, watch: Watch) -> Lessons:
@@ -106,10 +107,13 @@ def learn(file: Path, lessons: Lessons, settings: TrainSettings, watch: Watch) -
     facts = _facts(lessons, settings)
     data = read(file)
     if data is None:
-        trained = fit(
-            KIND, lessons.train, lessons.val, settings,
-            crop=CropShape(), touch=TouchWindow(), facts=facts, watch=watch,
-        )  # fmt: skip
+        try:
+            trained = fit(
+                KIND, lessons.train, lessons.val, settings,
+                crop=CropShape(), touch=TouchWindow(), facts=facts, watch=watch,
+            )  # fmt: skip
+        except UsageError as error:
+            raise UsageError(f"{error}: begin another folder with a larger --start") from None
         data = save_model(trained.model)
         write_if_new(file, data)
     try:

@@ -44,12 +44,9 @@ def _draw_arms(ax: Axes, arms: Mapping[str, Sequence[Turn]]) -> None:
 def _draw_gains(ax: Axes, gains: Sequence[Gain]) -> None:
     episodes = [gain.episodes for gain in gains]
     value, low, high = _columns([gain.scores[FIGURE] for gain in gains])
-    ends = [
-        [v - a for v, a in zip(value, low, strict=True)],
-        [b - v for v, b in zip(value, high, strict=True)],
-    ]
     ax.axhline(0.0, color="0.6", linestyle="--", linewidth=1)
-    ax.errorbar(episodes, value, yerr=ends, fmt="o", color="black", capsize=4)
+    ax.vlines(episodes, low, high, color="black")
+    ax.plot(episodes, value, marker="o", linestyle="none", color="black")
     _set(ax, "active over random, paired", "gain in AUC", episodes)
 
 

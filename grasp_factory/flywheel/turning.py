@@ -24,6 +24,7 @@ from grasp_factory.flywheel.learning import (
     held_out_examples,
     learn,
     lessons_of,
+    together,
 )
 from grasp_factory.flywheel.plot import picture_of
 from grasp_factory.flywheel.settings import ARMS, FlywheelSettings
@@ -133,22 +134,25 @@ class _Flywheel:
     def _start(self) -> Stand:
         config, n = self._settings.start_config, self._settings.start
         dataset = self._complete("round0.zarr", config, n)
-        return self._stand(0, self._folder, self._lessons(dataset), None)
+        return self._stand(0, self._folder, (self._lessons(dataset),), None)
 
     def _round(self, number: int, arm: str, before: Stand) -> Stand:
         sha256 = before.models[0].sha256
         make_folder(self._folder / arm)
         config, n = self._settings.round_config(number, arm, sha256), self._settings.budget
         dataset = self._complete(f"{arm}/round{number}.zarr", config, n)
-        lessons = before.lessons.and_then(self._lessons(dataset))
+        parts = (*before.parts, self._lessons(dataset))
         choice = Choice(model_sha256=sha256, prefer=ARMS[arm], mistakes=mistakes_of(dataset))
-        return self._stand(number, self._folder / arm, lessons, choice)
+        return self._stand(number, self._folder / arm, parts, choice)
 
     def _lessons(self, dataset: Dataset) -> Lessons:
         return lessons_of(dataset, facts_of(self._folder, dataset), self._watch)
 
-    def _stand(self, number: int, place: Path, lessons: Lessons, choice: Choice | None) -> Stand:
+    def _stand(
+        self, number: int, place: Path, parts: tuple[Lessons, ...], choice: Choice | None
+    ) -> Stand:
         """Train a round's networks, or find them, and judge them."""
+        lessons = together(parts)
         models, told = [], []
         for seed in range(self._settings.seeds):
             file = place / f"round{number}{f'.seed{seed}' if seed else ''}.safetensors"
@@ -176,7 +180,7 @@ class _Flywheel:
             models=tuple(told),
             scores=judgement.scores(),
         )
-        return Stand(lessons=lessons, models=models, judgement=judgement, turn=turn)
+        return Stand(parts=parts, models=models, judgement=judgement, turn=turn)
 
     def _learned(self, file: Path, lessons: Lessons, seed: int, number: int) -> GraspModel:
         try:

@@ -70,7 +70,8 @@ class Gain:
 class Stand:
     """Where an arm stands after a round."""
 
-    lessons: Lessons
+    parts: tuple[Lessons, ...]
+    """Of each round; arms share the first."""
     models: Sequence[GraspModel]
     judgement: Judgement
     turn: Turn

@@ -9,6 +9,7 @@ from __future__ import annotations
 from grasp_factory.networks.inputs import (
     KINDS,
     TOUCH,
+    WIDTH,
     Inputs,
     TouchWindow,
     grasp_inputs,
@@ -24,6 +25,7 @@ from grasp_factory.networks.model import GraspModel
 __all__ = [
     "KINDS",
     "TOUCH",
+    "WIDTH",
     "GraspModel",
     "Inputs",
     "TouchWindow",
