@@ -106,6 +106,13 @@ class ExampleReader:
         if not self.uses:
             raise UsageError(f"uses: got no input, valid: some of {', '.join(INPUTS)}")
 
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of each input of one example, by name."""
+        size, samples = self.crop.size, self.touch.samples
+        every = {IMAGE: (3, size, size), WIDTH: (1,), TOUCH: (2, 6, samples)}
+        return {name: every[name] for name in self.uses}
+
     def usable(self, rows: NDArray[np.int64] | None = None) -> NDArray[np.int64]:
         """Return those of some rows (None for all) that have a grasp, ascending.
 
@@ -163,13 +170,9 @@ class ExampleReader:
             grasps: The episodes.
             on_row: Called after each.
         """
-        inputs: dict[str, NDArray[np.float32]] = {}
-        size, count = self.crop.size, len(grasps)
-        if IMAGE in self.uses:
-            inputs[IMAGE] = np.empty((count, 3, size, size), np.float32)
-        if TOUCH in self.uses:
-            inputs[TOUCH] = np.empty((count, 2, 6, self.touch.samples), np.float32)
-        if WIDTH in self.uses:
+        count = len(grasps)
+        inputs = {n: np.empty((count, *shape), np.float32) for n, shape in self.shapes.items()}
+        if WIDTH in inputs:
             inputs[WIDTH] = width_of(grasps.width)
         order = np.argsort(grasps.rows, kind="stable")
         for start in range(0, count, AT_ONCE):

@@ -23,7 +23,8 @@ from grasp_factory.crops import CropShape
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.examples import ExampleReader
-from grasp_factory.networks.inputs import KINDS, TouchWindow, mirrored
+from grasp_factory.kept import KeptInputs
+from grasp_factory.networks.inputs import KINDS, Inputs, TouchWindow, mirrored
 from grasp_factory.noise import SensorNoise
 from grasp_factory.records import is_integer
 
@@ -53,6 +54,7 @@ class GraspDataset(TorchDataset[Example]):
         noise: str | SensorNoise | None = None,
         noise_seed: int = 0,
         mirror_seed: int | None = None,
+        keep_bytes: int = 2**30,
     ) -> None:
         """Open a store.
 
@@ -68,6 +70,9 @@ class GraspDataset(TorchDataset[Example]):
             noise_seed: Of epoch 0.
             mirror_seed: Mirror each example at random along the TCP's x and y, another way in each
                 epoch; None for as they are.
+            keep_bytes: Size of a temporary file in which examples are kept when they have been
+                read once, 28 kB each with an image, so that later epochs are quicker; 0 for none.
+                With ``noise``, which differs between epochs, there is none.
 
         Raises:
             UsageError: for noise on an opened ``Dataset``, names or seeds that are none, or rows
@@ -83,6 +88,10 @@ class GraspDataset(TorchDataset[Example]):
         crop, touch = crop or CropShape(), touch or TouchWindow()
         self._reader = ExampleReader(dataset=dataset, uses=tuple(uses), crop=crop, touch=touch)
         self._grasps = self._reader.grasps(self._reader.usable(_rows(dataset, rows)))
+        _check_number("keep_bytes", keep_bytes, 0)
+        self._kept: KeptInputs | None = None
+        if noise is None and keep_bytes:
+            self._kept = KeptInputs(self._reader.shapes, len(self._grasps), keep_bytes)
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         self._read_epoch = 0
 
@@ -127,8 +136,7 @@ class GraspDataset(TorchDataset[Example]):
         if get_worker_info() is not None:
             _keep_freed_memory(os.getpid())
         places = np.array([self._place(index) for index in indices], np.int64)
-        grasps, reader = self._grasps.take(places), self._at_epoch()
-        inputs = reader.inputs(grasps)
+        grasps, inputs = self._grasps.take(places), self._inputs(places)
         if self._mirror_seed is not None:
             inputs = mirrored(inputs, *self._sides(self._mirror_seed, places))
         tensors = {n: torch.from_numpy(np.ascontiguousarray(v)) for n, v in inputs.items()}
@@ -137,6 +145,20 @@ class GraspDataset(TorchDataset[Example]):
             {name: values[k] for name, values in tensors.items()} | {"row": row}
             for k, row in enumerate(grasps.rows.tolist())
         ]
+
+    def _inputs(self, places: NDArray[np.int64]) -> Inputs:
+        """Return what is shown of some examples, reading what is not kept."""
+        reader = self._at_epoch()
+        if self._kept is None:
+            return reader.inputs(self._grasps.take(places))
+        inputs, found = self._kept.take(places)
+        if not found.all():
+            missing = np.flatnonzero(~found)
+            fresh = reader.inputs(self._grasps.take(places[missing]))
+            self._kept.keep(places[missing], fresh)
+            for name, values in fresh.items():
+                inputs[name][missing] = values
+        return inputs
 
     def _place(self, index: int) -> int:
         if not -len(self) <= index < len(self):

@@ -88,7 +88,10 @@ def main() -> None:
     examples = GraspDataset(dataset, dataset.committed[: arguments.rows])
     loading: dict[str, Any] = {"batch_size": BATCH, "num_workers": WORKERS}
     loading["persistent_workers"] = True
+    unkept = GraspDataset(dataset, dataset.committed[: arguments.rows], keep_bytes=0)
     loaders = {
+        "GraspDataset, first epoch": DataLoader(unkept, shuffle=True, **loading),
+        "GraspStream, first epoch": DataLoader(GraspStream(unkept), **loading),
         f"GraspDataset, {WORKERS} workers": DataLoader(examples, shuffle=True, **loading),
         f"GraspStream, {WORKERS} workers": DataLoader(GraspStream(examples), **loading),
     }
@@ -101,6 +104,7 @@ def main() -> None:
     stepping = 0.0
     for number in range(arguments.rounds):
         examples.set_epoch(number)
+        unkept.set_epoch(number)
         for name, feed in feeds.items():
             before = time.process_time()
             speeds[name].append(trainer.speed(feed))

@@ -40,7 +40,7 @@ LAYERS = (
     ("table",),
     ("views",),
     ("dataset", "runlog"),
-    ("carried", "collecting", "examples", "executors", "sheet", "summary", "world"),
+    ("carried", "collecting", "examples", "executors", "kept", "sheet", "summary", "world"),
     ("baselines", "robots", "torch"),
     ("sensors",),
     ("stage", "visibility"),
