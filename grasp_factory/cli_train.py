@@ -81,10 +81,9 @@ def train(
     settings, noise = _settings(options), options["noise"]
     course = Course(kinds=kinds or Course().kinds, episodes=episodes, settings=settings)
     dataset, judge = _open(path, test, noise)
-    _check_new(out)
+    _new_folder(out)
     found = compare(dataset, judge, course, watched)
-    report = report_of(found, _about(path, test, noise, course))
-    out.mkdir(parents=True, exist_ok=True)
+    report = report_of(found, _about((path, dataset), (test or path, judge), noise, course))
     for kind, fitted in found.trained.items():
         (out / f"{kind}.safetensors").write_bytes(save_model(fitted.model))
     plots.plot_roc(out / "roc.png", found.populations)
@@ -145,10 +144,12 @@ def learning_curve(
     steps = Steps(kind=kind, sizes=_numbers(sizes), seeds=seeds)
     course = Course(kinds=(kind,), settings=settings)
     dataset, judge = _open(path, test, noise)
-    _check_new(out)
+    _new_folder(out)
     curve = measure(dataset, judge, steps, course, watched)
-    report = {**_about(path, test, noise, course), "curve": to_plain(curve)}
-    out.mkdir(parents=True, exist_ok=True)
+    report = {
+        **_about((path, dataset), (test or path, judge), noise, course),
+        "curve": to_plain(curve),
+    }
     title = f"{curve.test_episodes} episodes of {curve.test_objects} objects, {curve.seeds} seeds"
     plots.plot_curve(out / "learning-curve.png", curve.sizes, curve.auc, title)
     _write(out / "learning-curve.json", report)
@@ -179,22 +180,40 @@ def _open(path: Path, test: Path | None, noise: str | None) -> tuple[Any, Any]:
     return dataset, Dataset.open(test, noise=noise) if test else dataset
 
 
-def _about(path: Path, test: Path | None, noise: str | None, course: Any) -> dict[str, Any]:
+def _about(
+    store: tuple[Path, Any], test: tuple[Path, Any], noise: str | None, course: Any
+) -> dict[str, Any]:
     """Return what a report says of where it comes from; no time of day, so that runs compare."""
+    from grasp_factory import __version__
     from grasp_factory.records import to_plain
 
     return {
-        "store": str(path),
-        "test": str(test or path),
+        "grasp_factory": __version__,
+        "store": _named(*store),
+        "test": _named(*test),
         "noise": noise,
         "course": to_plain(course),
     }
 
 
-def _check_new(out: Path) -> None:
-    """Check that nothing would be overwritten."""
+def _named(path: Path, dataset: Any) -> dict[str, str]:
+    return {"path": str(path), "config_sha256": dataset.config.sha256()}
+
+
+def _new_folder(out: Path) -> None:
+    """Make the folder, before anything is read that takes long.
+
+    Raises:
+        UsageError: if something would be overwritten, or it cannot be made.
+    """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UsageError(f"{out} is there already; give another folder with --out")
+    if any((parent / "zarr.json").exists() for parent in (out, *out.absolute().parents)):
+        raise UsageError(f"{out} is inside a store, which holds data only; give another with --out")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{out} cannot be made: {error.strerror}; give another --out") from None
 
 
 def _numbers(text: str) -> tuple[int, ...]:

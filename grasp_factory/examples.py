@@ -139,7 +139,9 @@ class ExampleReader:
         return Grasps(
             rows=rows,
             success=column("success")[rows],
-            object_id=column("object_id")[rows],
+            # As text of fixed width: numpy 2.4's intersect1d crashes on two StringDType arrays
+            # (numpy pull request 31609).
+            object_id=np.array(column("object_id")[rows].tolist(), dtype=np.str_),
             T_world_tcp=pose_matrices(poses),
             width=column("grasp_width")[rows],
         )

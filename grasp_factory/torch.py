@@ -95,6 +95,11 @@ class GraspDataset(TorchDataset[Example]):
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         self._read_epoch = 0
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Share the epoch's number again: a copy's workers hear of it, too."""
+        self.__dict__.update(state)
+        self._epoch.share_memory_()
+
     @property
     def rows(self) -> NDArray[np.int64]:
         """The store's row of each example, (K,), ascending.

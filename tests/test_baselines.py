@@ -178,6 +178,15 @@ def test_probabilities_are_calibrated_on_val() -> None:
     assert said.mean() == pytest.approx(val.success.mean(), abs=0.02)
 
 
+def test_calibration_does_not_turn_an_order_round() -> None:
+    val = made_up(80, 1)
+    wrong = dataclasses.replace(val, success=~val.success)
+    model = fitted("vision", made_up(300, 0), wrong, TrainSettings(epochs=2)).model
+    assert model.slope == 1.0
+    order = np.argsort(model.raw_logits(val.inputs))
+    assert (np.diff(model.predict(val.inputs)[order]) >= 0.0).all()
+
+
 def test_one_class_is_nothing_to_learn_from() -> None:
     train = made_up(20, 0)
     good = dataclasses.replace(train, success=np.ones(20, np.bool_))
@@ -265,13 +274,13 @@ def test_a_comparison_has_every_baseline_on_its_population(stores: tuple[Path, P
     found = compare(learn, test, Course(episodes=150, settings=QUICK, crop=CROP))
     attempts, lifts = found.populations["attempts"], found.populations["lifts"]
     assert list(attempts.scores) == ["majority", "pose", "vision"]
-    assert list(lifts.scores) == ["majority", "pose", "vision", "touch", "both"]
+    assert list(lifts.scores) == [*("majority", "pose", "vision", "touch", "both", "vision_lifts")]
     assert attempts.train_episodes == 150 > lifts.train_episodes
     assert len(lifts.success) < len(attempts.success)
     for scores in attempts.scores.values():
         assert scores["auc"].low <= scores["auc"].value <= scores["auc"].high
     text = report_text(report_of(found, {}))
-    assert "AUC of both over vision on lifts" in text
+    assert "AUC of both over vision_lifts on lifts" in text
     assert max(len(line) for line in text.splitlines()) < 120
 
 
@@ -299,6 +308,10 @@ def test_a_curve_has_nested_parts_and_every_seed(stores: tuple[Path, Path]) -> N
     for at_size, seeds in zip(curve.auc["touch"], curve.by_seed["touch"], strict=True):
         assert at_size.value == pytest.approx(np.mean(seeds))
         assert at_size.low <= at_size.value <= at_size.high
+    again = Course(kinds=("touch",), settings=dataclasses.replace(QUICK, seed=1))
+    other = learning_curve(learn, test, steps, again)
+    assert other.by_seed["touch"][0][0] == curve.by_seed["touch"][0][1]  # seeds 1, 2 after 0, 1
+    assert other.by_seed["touch"][0][1] not in curve.by_seed["touch"][0]
     with pytest.raises(UsageError, match="sizes: got 5000, valid: up to"):
         learning_curve(learn, test, Steps(kind="touch", sizes=(5000,)), course)
 
@@ -346,6 +359,8 @@ def test_learning_curve_writes_its_table_and_plot(
         (("train", "{store}", "--epochs", "0"), "epochs: got 0"),
         (("train", "{store}", "--episodes", "0"), "episodes: got 0"),
         (("train", "nowhere"), "nowhere"),
+        (("train", "{store}", "--test", "{store}", "--out", "{store}/x"), "inside a store"),
+        (("train", "{store}", "--out", "/proc/nope"), "cannot be made"),
         (("train", "{store}", "--noise", "nope"), "unknown"),
         (("learning-curve", "{store}", "--sizes", "1,x"), "expected numbers"),
         (("learning-curve", "{store}", "--sizes", "9,3"), "ascending"),
@@ -369,6 +384,26 @@ def test_a_store_without_held_out_objects_is_told_what_it_lacks(
     code, said = complaint("train", stores[0])
     assert (code, said.count("\n")) == (2, 1)
     assert "split test" in said
+
+
+def test_more_episodes_than_there_are_is_refused(
+    stores: tuple[Path, Path], complaint: Callable[..., tuple[int, str]]
+) -> None:
+    code, said = complaint("train", stores[0], "--test", stores[1], "--episodes", "9999")
+    assert (code, said.count("\n")) == (2, 1)
+    assert "episodes: got 9999, valid: up to" in said
+
+
+def test_a_part_with_one_label_is_told_before_anything_is_fitted(
+    stores: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    test = Dataset.open(stores[1])
+    monkeypatch.setattr("grasp_factory.baselines.comparison.fit", None)
+    rows = test.where(split="test")
+    lost = rows[~test.column("success")[rows]]
+    monkeypatch.setattr(Dataset, "split", lambda self, name: lost if name == "test" else rows)
+    with pytest.raises(UsageError, match=r"split test of .*: 0 of \d+ attempts are a success"):
+        compare(test, test, Course(crop=CROP))
 
 
 def test_without_the_extra_the_command_says_what_to_install(

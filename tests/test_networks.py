@@ -373,6 +373,10 @@ class TestFiles:
              "it is a model of format 2, kind 'touch'; valid: format 1, kind vision or touch"),
             (with_settings(TOUCH_FILE, lambda s: s.update(kind="smell")),
              "it is a model of format 1, kind 'smell'; valid: format 1, kind vision or touch"),
+            (with_settings(TOUCH_FILE, lambda s: s.update(slope=float("inf"))),
+             "its weights are not all finite numbers"),
+            (with_settings(TOUCH_FILE, lambda s: s.update(facts=[1])),
+             "its contents do not fit a model of kind touch: "),
             (with_nan(), "its weights are not all finite numbers"),
         ],
     )  # fmt: skip

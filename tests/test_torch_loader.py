@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import pickle
 import re
@@ -9,7 +10,7 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -211,9 +212,8 @@ class TestStreams:
         assert runs(1) == count
         assert runs(16) > 1.5 * count
 
-    def test_read_each_block_once(
-        self, examples: GraspDataset, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_read_each_block_once(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        unread = GraspDataset(path, crop=SMALL)
         opened: Counter[str] = Counter()
         read = chunks.Shard.__init__
 
@@ -222,7 +222,9 @@ class TestStreams:
             read(shard, file, count)
 
         monkeypatch.setattr(chunks.Shard, "__init__", note)
-        list(GraspStream(examples))
+        list(GraspStream(unread))
+        assert set(opened.values()) == {1}
+        list(GraspStream(unread))  # kept by now
         assert set(opened.values()) == {1}
 
     @starts
@@ -366,3 +368,18 @@ def test_the_pages_recipe_runs_as_printed(path: Path, tmp_path: Path) -> None:
     for _, loss, right in lines:
         assert 0.0 < float(loss) < 10.0
         assert 0.0 <= float(right) <= 1.0
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda d: pickle.loads(pickle.dumps(d))])
+def test_a_copys_workers_hear_of_a_new_epoch(
+    path: Path, copied: Callable[[GraspDataset], GraspDataset]
+) -> None:
+    examples = copied(GraspDataset(path, crop=SMALL, mirror_seed=0))
+    loader = DataLoader(
+        examples, 4, num_workers=1, persistent_workers=True, multiprocessing_context="fork"
+    )
+    images = []
+    for epoch in range(6):
+        examples.set_epoch(epoch)
+        images.append(next(iter(loader))["image"])
+    assert any((image != images[0]).any() for image in images)

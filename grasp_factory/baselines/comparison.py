@@ -16,7 +16,7 @@ from grasp_factory.baselines.trivial import majority, pose_only
 from grasp_factory.baselines.watching import Watch, unwatched
 from grasp_factory.crops import CropShape
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import UsageError, lookup
+from grasp_factory.errors import ConfigError, UsageError, lookup
 from grasp_factory.examples import ExampleReader, Examples
 from grasp_factory.geometry import Array
 from grasp_factory.networks import KINDS, TOUCH, WIDTH, TouchWindow
@@ -29,9 +29,13 @@ POPULATIONS: Mapping[str, str] = {
 }
 """Touch says something only where the gripper closed, so it is judged on those episodes, and what
 it is compared with is judged on the same."""
+ABLATION = "vision_lifts"
+"""A network of kind vision that learns from lifts alone: what ``both`` is but for touch. The plain
+``vision`` knows all attempts, whose share of successes is another."""
 GAINS: Sequence[tuple[str, str, str]] = (
     (ATTEMPTS, "vision", "pose"),
-    (LIFTS, "touch", "vision"),
+    (LIFTS, "touch", ABLATION),
+    (LIFTS, "both", ABLATION),
     (LIFTS, "both", "vision"),
     (LIFTS, "both", "touch"),
 )
@@ -71,7 +75,7 @@ class Comparison:
     populations: Mapping[str, Population]
     gains: tuple[Gain, ...]
     trained: Mapping[str, Trained]
-    """By kind."""
+    """By kind, and ``ABLATION``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,15 +119,20 @@ def compare(
     Raises:
         UsageError: if a split has too few episodes to learn or to judge from.
     """
-    populations: dict[str, Population] = {}
+    kinds = {name: [k for k in course.kinds if population_of(k) == name] for name in POPULATIONS}
+    plans = {name: mine for name, mine in kinds.items() if mine}
+    parts = {
+        name: read_splits(dataset, test, [*mine, *kinds[ATTEMPTS]], course, watch, population=name)
+        for name, mine in plans.items()
+    }  # all of it before the first is fitted: what is missing shall be told at once
     trained: dict[str, Trained] = {}
-    for name in POPULATIONS:
-        kinds = [kind for kind in course.kinds if population_of(kind) == name]
-        if kinds:
-            splits = read_splits(dataset, test, [*kinds, *trained], course, watch)
-            for kind in kinds:
-                trained[kind] = train_on(splits, kind, course, dataset, watch)
-            populations[name] = _judge(splits, trained, course.settings.seed)
+    populations: dict[str, Population] = {}
+    for name, mine in plans.items():
+        for kind in mine:
+            trained[kind] = train_on(parts[name], kind, course, dataset, watch)
+        if name == LIFTS and "vision" in trained:
+            trained[ABLATION] = train_on(parts[name], "vision", course, dataset, watch)
+        populations[name] = _judge(parts[name], trained, course.settings.seed)
     return Comparison(populations=populations, gains=_gains(populations), trained=trained)
 
 
@@ -133,12 +142,19 @@ def population_of(kind: str) -> str:
 
 
 def read_splits(
-    dataset: Dataset, test: Dataset, kinds: Iterable[str], course: Course, watch: Watch
+    dataset: Dataset,
+    test: Dataset,
+    kinds: Iterable[str],
+    course: Course,
+    watch: Watch,
+    *,
+    population: str = ATTEMPTS,
 ) -> Splits:
-    """Return the examples that some kinds need; what needs touch leaves the others out.
+    """Return the examples of a population that some kinds need.
 
     Raises:
-        UsageError: if a split has no usable episodes, or an object is in train and in test.
+        UsageError: if a split has fewer episodes than are asked for, or those of one label only,
+            or an object is in train and in test.
     """
     uses = list(dict.fromkeys(name for kind in kinds for name in KINDS[kind]))
     parts: dict[str, Examples] = {}
@@ -147,17 +163,31 @@ def read_splits(
         planned = ExampleReader(dataset=source, uses=(WIDTH,))
         try:
             rows = planned.usable(source.split(split))
-            if split == "train":
+            if split == "train" and course.episodes is not None:
+                valid = f"up to {len(rows)}, the train episodes with a grasp"
+                check(course.episodes <= len(rows), "episodes", course.episodes, valid)
                 rows = rows[: course.episodes]  # every population learns from the same episodes
             rows = reader.usable(rows)
+        except ConfigError:
+            raise
         except UsageError as error:
             raise UsageError(f"split {split}: {error}; generate more, or name another") from None
+        _check_labels(source, split, population, rows)
         with watch(f"reading {split}", len(rows)) as step:
             parts[split] = reader.read(rows, step)
     both = np.intersect1d(parts["train"].object_id, parts["test"].object_id)
     if len(both):
         raise UsageError(f"object {both[0]} is in train and in test: nothing is held out")
     return Splits(**parts)
+
+
+def _check_labels(dataset: Dataset, split: str, population: str, rows: NDArray[np.int64]) -> None:
+    good = int(dataset.column("success")[rows].sum())
+    if not 0 < good < len(rows):
+        raise UsageError(
+            f"split {split} of {dataset.path}: {good} of {len(rows)} {population} are a success;"
+            " valid: some of both kinds; generate more episodes"
+        )
 
 
 def train_on(
@@ -178,8 +208,6 @@ def train_on(
 
 def _judge(splits: Splits, trained: Mapping[str, Trained], seed: int) -> Population:
     train, test = splits.train, splits.test
-    if not 0 < test.success.sum() < len(test):
-        raise UsageError("split test: all usable episodes have one label; generate more")
     probabilities = {
         "majority": majority(train, test),
         "pose": pose_only(train, test),

@@ -81,8 +81,8 @@ def learning_curve(
         for found in answers.values():
             found.append([])
         for seed in range(steps.seeds):
-            settings = dataclasses.replace(course.settings, seed=seed)
-            part = dataclasses.replace(splits, train=_drawn(splits.train, size, seed))
+            settings = dataclasses.replace(course.settings, seed=course.settings.seed + seed)
+            part = dataclasses.replace(splits, train=_drawn(splits.train, size, settings.seed))
             own = dataclasses.replace(course, settings=settings)
             model = train_on(part, kind, own, dataset, watch).model
             answers[kind][-1].append(model.predict(splits.test.inputs))

@@ -20,6 +20,7 @@ COLORS: Mapping[str, str] = {
     "majority": "0.6",
     "pose": "tab:brown",
     "vision": "tab:blue",
+    "vision_lifts": "tab:cyan",
     "touch": "tab:orange",
     "both": "tab:green",
 }

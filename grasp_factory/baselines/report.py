@@ -84,4 +84,4 @@ def shown(estimate: Estimate | Mapping[str, float], *, sign: bool = False) -> st
 
 
 def _row(first: str, *cells: str) -> str:
-    return f"{first:<10}" + "".join(f"  {cell:<24}" for cell in cells).rstrip()
+    return f"{first:<12}" + "".join(f"  {cell:<24}" for cell in cells).rstrip()

@@ -170,7 +170,13 @@ def cross_entropy(logits: Array, success: NDArray[np.bool_]) -> float:
 def _calibration(logits: Array, success: NDArray[np.bool_]) -> tuple[float, float]:
     """Return slope and offset that make logits (K,) log odds, by Platt's regression (1999)."""
     fitted = LogisticRegression(C=1e3).fit(logits[:, None], success)
-    return float(fitted.coef_[0, 0]), float(fitted.intercept_[0])
+    slope, offset = float(fitted.coef_[0, 0]), float(fitted.intercept_[0])
+    if slope > 0.0:
+        return slope, offset
+    # A network that learned nothing may rank val worse than chance; that is no reason to turn
+    # its order round.
+    rate = float(success.mean())
+    return 1.0, float(np.log(rate / (1.0 - rate)) - logits.mean())
 
 
 def _check_classes(name: str, part: Examples) -> None:

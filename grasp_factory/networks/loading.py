@@ -80,14 +80,16 @@ def load_model(data: bytes, kind: str = "vision") -> GraspModel:
         network = GraspNet(KINDS[found], crop.size)
         network.load_state_dict(load(data))
         slope, offset = float(header["slope"]), float(header["offset"])
+        facts = dict(header["facts"])
     except (KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
         reason = str(error).splitlines()[0][:200]
         raise UsageError(f"its contents do not fit a model of kind {found}: {reason}") from None
-    if not all(torch.isfinite(tensor).all() for tensor in network.state_dict().values()):
+    weights = [torch.tensor([slope, offset]), *network.state_dict().values()]
+    if not all(torch.isfinite(tensor).all() for tensor in weights):
         raise UsageError("its weights are not all finite numbers")
     return GraspModel(
         kind=found, crop=crop, touch=window, network=network.eval(), slope=slope, offset=offset,
-        facts=header.get("facts", {}), sha256=hashlib.sha256(data).hexdigest(),
+        facts=facts, sha256=hashlib.sha256(data).hexdigest(),
     )  # fmt: skip
 
 
