@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from grasp_factory.networks.inputs import (
     Inputs,
     TouchWindow,
     image_of,
+    take,
     touch_of,
     width_of,
 )
@@ -51,33 +52,19 @@ class Grasps:
 
     def take(self, places: NDArray[np.int64] | slice) -> Grasps:
         """Return those at some places."""
-        return Grasps(
-            rows=self.rows[places],
-            success=self.success[places],
-            object_id=self.object_id[places],
-            T_world_tcp=self.T_world_tcp[places],
-            width=self.width[places],
-        )
+        return Grasps(**{field.name: getattr(self, field.name)[places] for field in fields(Grasps)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Examples:
+class Examples(Grasps):
     """Episodes as networks see them, with what is known of them."""
 
     inputs: Inputs
-    rows: NDArray[np.int64]
-    """(K,) in the store."""
-    success: NDArray[np.bool_]
-    """(K,)."""
-    object_id: NDArray[np.str_]
-    """(K,)."""
-    T_world_tcp: Array
-    """(K, 4, 4): the grasps."""
-    width: Array
-    """(K,) metres, before closing."""
 
-    def __len__(self) -> int:
-        return len(self.rows)
+    def take(self, places: NDArray[np.int64] | slice) -> Examples:
+        """Return those at some places."""
+        known = {field.name: getattr(self, field.name)[places] for field in fields(Grasps)}
+        return Examples(inputs=take(self.inputs, places), **known)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,14 +141,8 @@ class ExampleReader:
             on_row: Called after each.
         """
         grasps = self.grasps(rows)
-        return Examples(
-            inputs=self.inputs(grasps, on_row),
-            rows=grasps.rows,
-            success=grasps.success,
-            object_id=grasps.object_id,
-            T_world_tcp=grasps.T_world_tcp,
-            width=grasps.width,
-        )
+        known = {field.name: getattr(grasps, field.name) for field in fields(Grasps)}
+        return Examples(inputs=self.inputs(grasps, on_row), **known)
 
     def inputs(self, grasps: Grasps, on_row: Callable[[], None] = lambda: None) -> Inputs:
         """Return what networks are shown of episodes, in their order.

@@ -17,7 +17,7 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.examples import Examples
 from grasp_factory.geometry import Array
-from grasp_factory.networks import KINDS, take
+from grasp_factory.networks import KINDS
 from grasp_factory.records import check
 
 
@@ -107,12 +107,7 @@ def learning_curve(
 def _drawn(examples: Examples, size: int, seed: int) -> Examples:
     """Return a random part of the examples, in their order."""
     rows = np.sort(np.random.default_rng(seed).permutation(len(examples))[:size])
-    parts = {
-        field.name: getattr(examples, field.name)[rows]
-        for field in dataclasses.fields(examples)
-        if field.name != "inputs"
-    }
-    return Examples(inputs=take(examples.inputs, rows), **parts)
+    return examples.take(rows)
 
 
 def _mean_auc(bootstrap: Bootstrap, answers: Sequence[Array]) -> Estimate:
