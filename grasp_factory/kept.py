@@ -39,10 +39,11 @@ class KeptInputs:
         self._shapes = dict(shapes)
         self._size = 4 * sum(math.prod(shape) for shape in shapes.values())
         self._room = min(count, most // (self._size + 1))
-        self._file = -1
-        opened, name = tempfile.mkstemp(prefix="grasp-factory-", suffix=".examples")
-        self._file, self._path = opened, Path(name)
-        weakref.finalize(self, _remove, opened, self._path, os.getpid())
+        self._file, self._path = -1, Path()
+        with contextlib.suppress(OSError):  # no place for it: all is read each time
+            opened, name = tempfile.mkstemp(prefix="grasp-factory-", suffix=".examples")
+            self._file, self._path = opened, Path(name)
+            weakref.finalize(self, _remove, opened, self._path, os.getpid())
 
     def __getstate__(self) -> dict[str, Any]:
         """Travel to another process, which opens the file for itself."""
@@ -63,7 +64,8 @@ class KeptInputs:
         found[fits] = flags[places[fits]] == 1
         records = np.empty((len(places), self._size // 4), np.float32)
         for k in np.flatnonzero(found).tolist():
-            os.preadv(file, [memoryview(records[k]).cast("B")], self._offset(int(places[k])))
+            record = memoryview(records[k]).cast("B")
+            found[k] = os.preadv(file, [record], self._offset(int(places[k]))) == self._size
         parts = np.cumsum([math.prod(shape) for shape in self._shapes.values()])[:-1]
         columns = np.split(records, parts, axis=1)
         return {
@@ -87,9 +89,9 @@ class KeptInputs:
         return self._room + place * self._size
 
     def _opened(self) -> int:
-        """Return the file's descriptor in this process; -1 once the maker has removed it."""
+        """Return the file's descriptor in this process; -1 where there is none."""
         if self._file < 0:
-            with contextlib.suppress(FileNotFoundError):
+            with contextlib.suppress(OSError):
                 self._file = os.open(self._path, os.O_RDWR | os.O_CLOEXEC)
                 weakref.finalize(self, os.close, self._file)
         return self._file

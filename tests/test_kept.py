@@ -88,6 +88,17 @@ def test_a_full_disk_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not kept.take(np.arange(4))[1].any()
 
 
+def test_no_place_for_the_file_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(**_: object) -> tuple[int, str]:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tempfile.mkstemp", full)
+    kept = KeptInputs(SHAPES, 4, 2**20)
+    for each in (kept, pickle.loads(pickle.dumps(kept))):
+        each.keep(np.arange(4), drawn(4))
+        assert not each.take(np.arange(4))[1].any()
+
+
 @pytest.mark.parametrize("start", ["fork", "spawn"])
 def test_later_epochs_show_what_the_first_did(start: str) -> None:
     examples = GraspDataset(SAMPLE, uses=KINDS["vision"])

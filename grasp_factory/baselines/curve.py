@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.baselines.comparison import Course, read_splits, train_on
+from grasp_factory.baselines.comparison import Course, population_of, read_splits, train_on
 from grasp_factory.baselines.report import shown
-from grasp_factory.baselines.scores import LEVEL, Bootstrap, Estimate, auc, interval
+from grasp_factory.baselines.scores import LEVEL, RANGE, Bootstrap, Estimate, auc, interval
 from grasp_factory.baselines.trivial import pose_only
 from grasp_factory.baselines.watching import Watch, unwatched
 from grasp_factory.dataset import Dataset
@@ -72,7 +72,9 @@ def learning_curve(
         UsageError: for a size that the train split does not have, or too few episodes.
     """
     kind, sizes = steps.kind, steps.sizes
-    splits = read_splits(dataset, test, [kind], dataclasses.replace(course, episodes=None), watch)
+    whole = dataclasses.replace(course, episodes=None)
+    population = population_of(kind)
+    splits = read_splits(dataset, test, [kind], whole, watch, population=population)
     most = len(splits.train)
     if sizes[-1] > most:
         raise UsageError(f"sizes: got {sizes[-1]}, valid: up to {most}, the usable train episodes")
@@ -94,7 +96,9 @@ def learning_curve(
         test_episodes=len(splits.test),
         test_objects=len(np.unique(splits.test.object_id)),
         auc={
-            name: tuple(_mean_auc(bootstrap, at_size) for at_size in found)
+            name: tuple(
+                interval(*bootstrap.over_networks(auc, at_size), *RANGE) for at_size in found
+            )
             for name, found in answers.items()
         },
         by_seed={
@@ -108,15 +112,6 @@ def _drawn(examples: Examples, size: int, seed: int) -> Examples:
     """Return a random part of the examples, in their order."""
     rows = np.sort(np.random.default_rng(seed).permutation(len(examples))[:size])
     return examples.take(rows)
-
-
-def _mean_auc(bootstrap: Bootstrap, answers: Sequence[Array]) -> Estimate:
-    """Return the mean AUC over seeds; each resample of the objects draws seeds, too."""
-    drawn = np.array([bootstrap.over_resamples(auc, p) for p in answers])
-    whole = np.mean([bootstrap.whole(auc, p) for p in answers])
-    rng = np.random.default_rng(0)
-    picks = rng.integers(len(answers), size=drawn.shape)
-    return interval(float(whole), np.take_along_axis(drawn, picks, axis=0).mean(axis=0))
 
 
 def curve_text(curve: Curve) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,8 @@ from grasp_factory.geometry import Array
 
 RESAMPLES = 1000
 LEVEL = 0.95
+RANGE = (0.0, 1.0)
+"""Of every figure."""
 BINS = 15
 """Of equal width, for the calibration error."""
 
@@ -105,9 +107,8 @@ class Bootstrap:
 
     def estimate(self, figure: Figure, probability: Array) -> Estimate:
         """Return a figure of a predictor's probabilities (K,) with its interval."""
-        found = interval(self.whole(figure, probability), self.over_resamples(figure, probability))
-        low, high = np.clip([found.low, found.high], 0.0, 1.0)  # as every figure's range
-        return Estimate(value=found.value, low=float(low), high=float(high))
+        drawn = self.over_resamples(figure, probability)
+        return interval(self.whole(figure, probability), drawn, *RANGE)
 
     def gain(self, figure: Figure, better: Array, worse: Array) -> Estimate:
         """Return by how much a figure of one predictor exceeds that of another."""
@@ -122,15 +123,29 @@ class Bootstrap:
         """Return a figure over each resample, (R,)."""
         return figure(self._success, probability, self._weight)
 
+    def over_networks(self, figure: Figure, answers: Sequence[Array]) -> tuple[float, Array]:
+        """Return a figure's mean over some networks' probabilities (K,), and its draws, (R,).
 
-def interval(value: float, drawn: Array) -> Estimate:
+        Each resample of the objects draws networks, too, by their place: so figures of as many
+        networks are paired.
+        """
+        each = np.array([self.over_resamples(figure, p) for p in answers])
+        picks = np.random.default_rng(0).integers(len(answers), size=each.shape)
+        whole = float(np.mean([self.whole(figure, p) for p in answers]))
+        return whole, np.take_along_axis(each, picks, axis=0).mean(axis=0)
+
+
+def interval(
+    value: float, drawn: Array, lowest: float = -np.inf, highest: float = np.inf
+) -> Estimate:
     """Return an estimate whose interval leaves the same share of draws (R,) out on both sides.
 
     The draws are moved so that their mean is the value: resamples repeat episodes, which makes the
-    calibration error greater than it is.
+    calibration error greater than it is. The interval ends where the figure's range does.
     """
     if not len(drawn):
         return Estimate(value=float(value), low=float("nan"), high=float("nan"))
     tail = (1.0 - LEVEL) / 2.0
-    low, high = np.quantile(drawn - drawn.mean() + value, [tail, 1.0 - tail])
+    ends = np.quantile(drawn - drawn.mean() + value, [tail, 1.0 - tail])
+    low, high = np.clip(ends, lowest, highest)
     return Estimate(value=float(value), low=float(low), high=float(high))

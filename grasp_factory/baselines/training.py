@@ -40,7 +40,7 @@ class TrainSettings:
     """Labels are this far from 0 and 1."""
     threads: int = 1
     """Of torch; another number may change the last bits of the weights. Networks this small gain
-    little from two, and lose tenfold on cores that others use, too."""
+    little from two, and lose much where others use the cores, too."""
 
     def __post_init__(self) -> None:
         check_range(self, "seed", 0, 2**63 - 1)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.baselines.scores import FIGURES, RESAMPLES, Bootstrap, Estimate, interval
+from grasp_factory.baselines.scores import FIGURES, RANGE, RESAMPLES, Bootstrap, Estimate, interval
 from grasp_factory.baselines.watching import Watch, unwatched
 from grasp_factory.dataset import Dataset
 from grasp_factory.examples import Examples
@@ -30,10 +30,7 @@ class Judgement:
 
     def scores(self) -> dict[str, Estimate]:
         """Return each figure with its interval."""
-        return {
-            name: _within(interval(self.whole[name], self.drawn[name]), 0.0, 1.0)
-            for name in self.whole
-        }
+        return {name: interval(self.whole[name], self.drawn[name], *RANGE) for name in self.whole}
 
     def gains(self, over: Judgement) -> dict[str, Estimate]:
         """Return by how much each figure exceeds another judgement's, resample by resample."""
@@ -65,10 +62,7 @@ class Judge:
         whole, drawn = {}, {}
         with watch("judging", len(FIGURES)) as step:
             for name, figure in FIGURES.items():
-                whole[name] = float(np.mean([self._bootstrap.whole(figure, p) for p in answers]))
-                each = np.array([self._bootstrap.over_resamples(figure, p) for p in answers])
-                picks = np.random.default_rng(0).integers(len(answers), size=each.shape)
-                drawn[name] = np.take_along_axis(each, picks, axis=0).mean(axis=0)
+                whole[name], drawn[name] = self._bootstrap.over_networks(figure, answers)
                 step()
         return Judgement(whole=whole, drawn=drawn)
 
@@ -133,11 +127,5 @@ def object_mean(values: NDArray[np.generic], object_id: NDArray[np.str_]) -> Est
     counts = np.bincount(place, minlength=len(names))
     share = np.full(len(names), 1.0 / len(names))
     times = np.random.default_rng(0).multinomial(len(names), share, size=RESAMPLES)
-    found = interval(float(numbers.mean()), (times @ sums) / (times @ counts))
-    return _within(found, numbers.min(), numbers.max())
-
-
-def _within(found: Estimate, lowest: float, highest: float) -> Estimate:
-    """Return an estimate whose interval ends where the figure's range does."""
-    low, high = np.clip([found.low, found.high], lowest, highest)
-    return Estimate(value=found.value, low=float(low), high=float(high))
+    drawn = (times @ sums) / (times @ counts)
+    return interval(float(numbers.mean()), drawn, float(numbers.min()), float(numbers.max()))

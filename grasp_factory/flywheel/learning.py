@@ -19,7 +19,7 @@ from grasp_factory.config import first_difference
 from grasp_factory.crops import CropShape
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import UsageError
-from grasp_factory.examples import ExampleReader, Examples
+from grasp_factory.examples import ExampleReader, Examples, Grasps
 from grasp_factory.flywheel.files import read, write_if_new
 from grasp_factory.flywheel.stores import StoreFacts
 from grasp_factory.networks import KINDS, GraspModel, TouchWindow, load_model, save_model
@@ -92,8 +92,7 @@ def joined(parts: Sequence[Examples]) -> Examples:
     inputs = {name: np.concatenate([p.inputs[name] for p in parts]) for name in parts[0].inputs}
     others = {
         field.name: np.concatenate([getattr(part, field.name) for part in parts])
-        for field in dataclasses.fields(Examples)
-        if field.name != "inputs"
+        for field in dataclasses.fields(Grasps)
     }
     return Examples(inputs=inputs, **others)
 
