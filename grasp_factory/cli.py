@@ -16,10 +16,12 @@ from typing import Any, NoReturn
 import click
 
 from grasp_factory import __version__
-from grasp_factory.arguments import AS_JSON, STORE, Commands, indices, print_json
+from grasp_factory.arguments import AS_JSON, STORE, Commands, print_json
 from grasp_factory.cli_card import card
 from grasp_factory.cli_flywheel import flywheel
+from grasp_factory.cli_look import preview, sheet
 from grasp_factory.cli_merge import merge, split
+from grasp_factory.cli_replay import replay
 from grasp_factory.cli_store import repair, verify
 from grasp_factory.cli_train import learning_curve, train
 from grasp_factory.config import FactoryConfig
@@ -125,28 +127,6 @@ def info(path: Path, as_json: bool) -> None:
 
 @cli.command()
 @STORE
-@click.argument("index", type=int)
-@AS_JSON
-@click.pass_context
-def replay(ctx: click.Context, path: Path, index: int, as_json: bool) -> None:
-    """Make a stored episode again and compare.
-
-    Runs the recipe of episode INDEX of the store at PATH. Exits with 0 if the result is the same,
-    byte for byte, and with 1 if it is not.
-    """
-    from grasp_factory.replay import replay as run
-    from grasp_factory.report import replay_text
-
-    result = run(path, index)
-    if as_json:
-        print_json(result)
-    else:
-        click.echo(replay_text(result))
-    ctx.exit(EXIT_DONE if result.same else EXIT_FAILURE)
-
-
-@cli.command()
-@STORE
 @click.option("--name", required=True, help="Of the new label column, labels/NAME.")
 @click.option("--min-lift", type=float, help="Metres above the rest, at the end of the hold.")
 @click.option("--min-shake", type=float, help="Level of the shake to survive; 0 for none.")
@@ -172,51 +152,6 @@ def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) ->
         print_json(result)
     else:
         click.echo(relabel_text(result))
-
-
-@cli.command()
-@STORE
-@click.argument("out", type=click.Path(path_type=Path))
-@click.option(
-    "--episodes", metavar="I,J,...", help="Which ones.  [default: up to 12, both classes]"
-)
-@click.option("--camera", help="Which one.  [default: the first]")
-def sheet(path: Path, out: Path, episodes: str | None, camera: str | None) -> None:
-    """Draw a contact sheet of a store.
-
-    The PNG image OUT gets a row for each episode of the store at PATH: before, after, depth and
-    segmentation, labelled with the outcome.
-    """
-    from grasp_factory.dataset import Dataset
-    from grasp_factory.sheet import sheet_of, write_png
-
-    dataset = Dataset.open(path)
-    wanted = None if episodes is None else indices(episodes)
-    image = sheet_of(dataset, wanted, camera or next(iter(dataset.config.cameras)))
-    write_png(out, image)
-    click.echo(out)
-
-
-@cli.command()
-@click.argument("out", type=click.Path(path_type=Path))
-@click.option("--n", type=int, default=24, show_default=True, help="Scenes.")
-@dataset_options
-def preview(out: Path, n: int, **options: Any) -> None:
-    """Draw scenes as they would be, without grasping.
-
-    The PNG image OUT gets the first scenes of a dataset with these settings, as the first camera
-    sees them before the attempt.
-    """
-    from grasp_factory.preview import draw_preview
-    from grasp_factory.progress import Counter
-    from grasp_factory.sheet import check_png, write_png
-
-    check_png(out)
-    config = request_from(**options).config
-    with Counter(n, "scene") as counter:
-        image = draw_preview(config, n, counter.count)
-    write_png(out, image)
-    click.echo(out)
 
 
 @cli.command("check-physics")
@@ -280,7 +215,10 @@ _add_listing("robots", "List the robots.")
 _add_listing("policies", "List the policies, which choose grasps from images.")
 _add_listing("cameras", "List the cameras that have names.")
 
-for _command in (card, flywheel, learning_curve, merge, repair, split, train, verify):
+for _command in (
+    *(card, flywheel, learning_curve, merge, preview, repair, replay, sheet, split),
+    *(train, verify),
+):
     cli.add_command(_command)
 
 

@@ -55,8 +55,8 @@ LAYERS = (
     ("dryrun",),
     ("report",),
     ("arguments", "card", "flywheel", "folders", "progress"),
-    ("cli_card", "cli_merge", "cli_store", "cli_train", "options"),
-    ("cli_flywheel",),
+    ("cli_card", "cli_merge", "cli_replay", "cli_store", "cli_train", "options"),
+    ("cli_flywheel", "cli_look"),
     ("cli",),
     ("__main__",),
 )
@@ -80,8 +80,8 @@ OWNERS = {
     "numcodecs": {"writers"},
     "google_crc32c": {"writers"},
     "click": {
-        *("__main__", "arguments", "cli", "cli_card", "cli_merge", "cli_store", "folders"),
-        *("cli_flywheel", "cli_train", "options", "progress"),
+        *("__main__", "arguments", "cli", "cli_card", "cli_flywheel", "cli_look", "cli_merge"),
+        *("cli_replay", "cli_store", "cli_train", "folders", "options", "progress"),
     },
     "trimesh": {"meshes", "robots"},
     "coacd": {"meshes"},
