@@ -12,11 +12,13 @@ import zarr
 from numpy.typing import NDArray
 
 from grasp_factory import schema
+from grasp_factory.annotations import Annotation, AnnotationLog
+from grasp_factory.annotations.values import checked_tag
 from grasp_factory.checked import CheckedColumns, checked_arrays, checked_label
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode, EpisodeSpec
 from grasp_factory.episodes import Episodes
-from grasp_factory.errors import lookup
+from grasp_factory.errors import UsageError, lookup
 from grasp_factory.indexing import RowIndex
 from grasp_factory.noise import EpisodeNoise, SensorNoise, named_noise
 from grasp_factory.readings import Readings
@@ -59,6 +61,7 @@ class Dataset(EpisodeViews):
         rows = RowIndex(path, arrays, config.block_size)
         super().__init__(shown, fields, rows, Readings(path, config, arrays, fields, noise))
         self._episodes = Episodes(path, config, arrays, fields, noise)
+        self._annotations = AnnotationLog(path)
 
     @classmethod
     def open(
@@ -170,6 +173,28 @@ class Dataset(EpisodeViews):
         self._check_column(column)
         i = self._rows.committed(index)
         return self._arrays[f"episodes/{column}"].read(i, i + 1)[0]
+
+    @property
+    def annotations(self) -> Mapping[int, Annotation]:
+        """What people have said of episodes, by row, as it stands now; of quarantined ones too.
+
+        Raises:
+            StoreError: if it cannot be read. Damaged lines of its log are passed by.
+        """
+        return self._annotations.annotations()
+
+    def tagged(self, *tags: str) -> NDArray[np.int64]:
+        """Return the committed rows that people gave all these tags, ascending, (K,).
+
+        Raises:
+            UsageError: if there are no tags, or one that is none.
+            StoreError: if the annotations cannot be read.
+        """
+        wanted = {checked_tag(tag) for tag in tags}
+        if not wanted:
+            raise UsageError("no tags: name one or more")
+        found = [row for row, said in self.annotations.items() if wanted.issubset(said.tags)]
+        return np.intersect1d(np.array(found, np.int64), self.committed)
 
     @property
     def labels(self) -> list[str]:

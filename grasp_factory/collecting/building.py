@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.collecting.annotations import carry_annotations, check_annotations
 from grasp_factory.collecting.labels import carried_labels
 from grasp_factory.collecting.place import Place
 from grasp_factory.collecting.provenance import SeedSource
@@ -37,9 +38,10 @@ class Order:
     """The first one's config and root attributes become those of the result."""
     plan: Plan
     seeds: tuple[SeedSource, ...]
+    repeats: tuple[Plan, Plan]
+    """(K,) each: rows that are left out, and those that are in their place."""
     is_plain: bool
     """Whether row i is episode i of one seed."""
-    repeated: int = 0
     warnings: tuple[str, ...] = ()
 
 
@@ -62,6 +64,7 @@ def build(
     """
     first, plan = order.sources[0], order.plan
     labels, left_out = carried_labels(order.sources, plan)
+    check_annotations(order.sources)
     carried = {name: _carried(order.sources, name) for name in carried_by(first.config)}
     statuses = _statuses(order)
     with order.place.building() as aside:
@@ -79,6 +82,7 @@ def build(
             raise _not_as_written(order.place.path, "its rows are not all there")
         for label in labels:
             label.write(aside)
+        annotated = carry_annotations(order.sources, plan, order.repeats, aside)
         pack(aside)
     missing, committed, quarantined = np.bincount(statuses, minlength=3).tolist()
     return Collected(
@@ -88,10 +92,11 @@ def build(
         quarantined=quarantined,
         missing=missing,
         can_grow=order.is_plain,
-        repeated=order.repeated,
+        repeated=len(order.repeats[0]),
         sources=order.seeds,
         labels=tuple(label.name for label in labels),
         labels_left_out=left_out,
+        annotations=annotated,
         warnings=order.warnings,
     )
 

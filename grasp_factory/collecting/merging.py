@@ -59,7 +59,7 @@ def merge(
         plan=plan,
         seeds=seed_sources(found.plan, [s.makers for s in sources], first),
         is_plain=is_plain,
-        repeated=len(found.repeats[0]),
+        repeats=found.repeats,
         warnings=tuple(_warnings(sources)),
     )
     return build(order, on_start, on_row)

@@ -15,7 +15,7 @@ from grasp_factory.writers.lock import StoreLock
 
 _ASIDE = ".merging"
 _OTHER = "choose another OUT"
-_OF_A_STORE = re.compile(r"(zarr|\d+)([.-][0-9a-z]+)*")
+_OF_A_STORE = re.compile(r"(zarr|\d+)([.-][0-9a-z]+)*|log\.jsonl(\.partial)?")
 """Names of files in a store, and of those that are being written."""
 
 

@@ -28,4 +28,6 @@ class Collected:
     """Added labels that were carried over."""
     labels_left_out: Mapping[str, str]
     """Those that were not, and why."""
+    annotations: int
+    """Rows with annotations, which were carried over."""
     warnings: tuple[str, ...]

@@ -54,6 +54,7 @@ def split(
         sources=[source],
         plan=plan,
         seeds=seed_sources(plan, [source.makers], source.config),
+        repeats=(plan[:0], plan[:0]),
         is_plain=False,
     )
     return build(order, on_start, on_row)

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory import schema
+from grasp_factory.annotations.files import FOLDER as ANNOTATIONS
+from grasp_factory.annotations.files import NAME as LOG
 from grasp_factory.errors import StoreError, shown
 from grasp_factory.outcome import Outcome
 from grasp_factory.verifying.documents import FILE, is_empty_group, read_document
@@ -30,7 +32,7 @@ from grasp_factory.writers.seals import VALUES_SEAL, values_digest
 from grasp_factory.writers.sizes import bytes_of_blocks
 
 LABELS = "labels"
-_BESIDE = (LABELS, FOLDER, *DESCRIPTIONS)
+_BESIDE = (ANNOTATIONS, LABELS, FOLDER, *DESCRIPTIONS)
 """Folders with a check of their own."""
 CREATING = ".creating"
 """Ends the name of the folder of a label that is being made."""
@@ -96,6 +98,15 @@ def recoded(pieces: Pieces) -> Iterator[str]:
             yield array
 
 
+def placeholder_problems(path: Path, name: str) -> Iterator[Problem]:
+    """Give a problem if a folder is not described as the array of nothing that it stands for."""
+    document, fault = read_document(path / name / FILE)
+    if not fault and document["shape"] != [0]:  # the seal leaves it out
+        fault = f"shape {shown(document['shape'])}, valid: [0]"
+    if fault:
+        yield _problem(name, fault)
+
+
 def packed_problems(pieces: Pieces, broken: Set[int]) -> Iterator[Problem]:
     """Give a problem for each packed segment that does not say what its blocks say.
 
@@ -106,11 +117,7 @@ def packed_problems(pieces: Pieces, broken: Set[int]) -> Iterator[Problem]:
     path = pieces.path
     if not (path / FOLDER).is_dir():
         return
-    document, fault = read_document(path / FOLDER / FILE)
-    if not fault and document["shape"] != [0]:  # the seal leaves it out
-        fault = f"shape {shown(document['shape'])}, valid: [0]"
-    if fault:
-        yield _problem(FOLDER, fault)
+    yield from placeholder_problems(path, FOLDER)
     if schema.STATUS.path not in pieces.arrays:
         return
     columns = Columns(path, pieces.config, pieces.arrays)
@@ -158,11 +165,15 @@ def _leftovers(path: Path) -> Iterator[str]:
         names = os.listdir(path / folder) if (path / folder).is_dir() else []
         left = [name for name in names if _is_left(name)]
         strange = [
-            name
-            for name in names
-            if folder == LABELS and name not in (FILE, *left) and not is_label(path, name)
+            name for name in names if name not in (FILE, *left) and _is_strange(path, folder, name)
         ]
         yield from (_note(folder, found) for found in (left, strange) if found)
+
+
+def _is_strange(path: Path, folder: str, name: str) -> bool:
+    if folder == ANNOTATIONS:
+        return name != LOG
+    return folder == LABELS and not is_label(path, name)
 
 
 def _is_left(name: str) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory import __version__, carried
+from grasp_factory.annotations.files import FOLDER as ANNOTATIONS
 from grasp_factory.blocks import Begun, BlockJob, Made
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, GraspFactoryError
@@ -16,6 +17,7 @@ from grasp_factory.executors import Executor, ProcessExecutor
 from grasp_factory.factory import check_names
 from grasp_factory.losses import Losses
 from grasp_factory.request import EPISODE_TIMEOUT_S
+from grasp_factory.verifying.annotated import mend_annotations
 from grasp_factory.verifying.beside import LABELS, leftovers
 from grasp_factory.verifying.documents import COPY_ROOT, FILE, has_config, read_document
 from grasp_factory.verifying.mending import (
@@ -71,6 +73,7 @@ class Surgery:
             damaged = [p.array for p in problems if p.episode is None and p.array]
             has_changed = self._mend_documents(template, pieces, damaged)
             self._remove_packed(damaged)
+            self._mend_annotations(problems)
             self._remove_leftovers()
             pieces, unreadable = open_pieces(self._path)
             if unreadable:
@@ -135,7 +138,7 @@ class Surgery:
         for name in damaged:
             if name == LABELS:
                 template.give_empty_group(name)
-            elif name.split("/")[0] in (LABELS, FOLDER):
+            elif name.split("/")[0] in (ANNOTATIONS, LABELS, FOLDER):
                 continue
             elif why:
                 self.failed.append(f"{name}/{FILE} cannot be made again here: {why}")
@@ -162,6 +165,11 @@ class Surgery:
         if FOLDER in damaged:
             (self._path / FOLDER / FILE).unlink(missing_ok=True)
             fsync([self._path / FOLDER])
+
+    def _mend_annotations(self, problems: Iterable[Problem]) -> None:
+        mended, failed = mend_annotations(self._path, problems)
+        self.mended += mended
+        self.failed += failed
 
     def _remove_leftovers(self) -> None:
         for file in leftovers(self._path):

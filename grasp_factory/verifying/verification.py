@@ -12,6 +12,7 @@ from grasp_factory.executors import Executor, InlineExecutor, ProcessExecutor
 from grasp_factory.records import check, is_integer
 from grasp_factory.replay import changed_since
 from grasp_factory.request import MAX_EPISODES, MAX_WORKERS
+from grasp_factory.verifying.annotated import annotation_problems
 from grasp_factory.verifying.beside import (
     carried_problems,
     label_problems,
@@ -103,10 +104,10 @@ def verify(
 
 
 def structure_problems(pieces: Pieces) -> list[Problem]:
-    """Return the problems of groups, of what the store carries and of added labels."""
+    """Return the problems of groups, and of what the store has beside its rows."""
     groups = group_faults(pieces.path, pieces.config)
     out = [Problem(episode=None, array=name, what=fault) for name, fault in groups]
-    for found in (carried_problems, label_problems):
+    for found in (carried_problems, label_problems, annotation_problems):
         out += found(pieces)
     return out
 

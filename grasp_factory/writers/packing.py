@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
 
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.aside import PARTIAL, AsideStore, aside
+from grasp_factory.writers.aside import PARTIAL, aside
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.files import fsync
 from grasp_factory.writers.packed import BYTES, FOLDER, WORDS, coded, segments
-from grasp_factory.writers.seals import is_sealed, seal
+from grasp_factory.writers.placeholder import write_placeholder
+from grasp_factory.writers.seals import is_sealed
 from grasp_factory.writers.sizes import bytes_of_blocks
 
 SEGMENT_BLOCKS = 1024
@@ -23,6 +23,7 @@ SEGMENT_BLOCKS = 1024
 million episodes have 122 segments."""
 NOT_PACKED = ("checksum", "array_crc32c", "spec", "error")
 """Columns that are long, and that nobody filters by."""
+DESCRIPTION = "place of columns packed for reading; derived, may be deleted"
 
 
 def pack(path: Path) -> None:
@@ -89,25 +90,9 @@ def _members(columns: Columns, blocks: range) -> dict[str, NDArray[Any]]:
 def _write(path: Path, blocks: range, members: dict[str, NDArray[Any]]) -> None:
     file = path / FOLDER / f"{blocks.start}-{blocks[-1]}.npz"
     if not is_sealed(path / FOLDER / "zarr.json"):
-        _create_folder(path)
+        write_placeholder(path, FOLDER, DESCRIPTION)
     with aside(file).open("wb") as opened:
         np.savez(opened, allow_pickle=False, **members)  # has no dates: the same bytes each time
     fsync([aside(file)])
     aside(file).replace(file)
     fsync([path / FOLDER])
-
-
-def _create_folder(path: Path) -> None:
-    # An array of nothing. Zarr's readers list groups, and warn of files that are not theirs; they
-    # do not look into arrays.
-    (path / FOLDER / "zarr.json").unlink(missing_ok=True)  # of one killed before its seal
-    zarr.create_array(
-        AsideStore(path),
-        name=FOLDER,
-        shape=(0,),
-        chunks=(1,),
-        dtype="uint8",
-        attributes={"description": "place of columns packed for reading; derived, may be deleted"},
-    )
-    seal(path / FOLDER / "zarr.json")
-    fsync([path / FOLDER / "zarr.json", path / FOLDER, path])

@@ -1,0 +1,14 @@
+"""Annotations: what people say of episodes, in a log inside the store that only grows.
+
+Nothing here is derived: no index, no repair and no new run makes it again, and none removes it.
+"""
+
+from __future__ import annotations
+
+from grasp_factory.annotations.carrying import carry
+from grasp_factory.annotations.folding import fold
+from grasp_factory.annotations.log import AnnotationLog, default_who
+from grasp_factory.annotations.records import Annotation, Change, Mark
+from grasp_factory.annotations.values import KINDS
+
+__all__ = ["KINDS", "Annotation", "AnnotationLog", "Change", "Mark", "carry", "default_who", "fold"]

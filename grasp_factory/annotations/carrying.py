@@ -1,0 +1,67 @@
+"""Taking the annotations of some rows along into a new store."""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from grasp_factory.annotations.files import FOLDER, NAME, replace_log
+from grasp_factory.annotations.lines import encode
+from grasp_factory.annotations.log import AnnotationLog
+from grasp_factory.errors import StoreError
+
+HOW_TO_MEND = "nothing tells what it said: look at it, then delete that line"
+
+
+def check_log(store: Path) -> AnnotationLog:
+    """Return the log of the store at ``store``, in which every line stands for a change.
+
+    Raises:
+        StoreError: naming a line that does not.
+    """
+    log = AnnotationLog(store)
+    for line, fault in log.damaged()[:1]:
+        where = f"{store / FOLDER / NAME}, line {line}"
+        raise StoreError(f"{where} {fault}; {HOW_TO_MEND}")
+    return log
+
+
+def carry(from_store: Path, to_store: Path, rows: Mapping[int, int]) -> int:
+    """Add the changes of some rows to the log of a store that is being made.
+
+    Changes stand in the order of time there; those of one store keep their own order. A change that
+    the log has already, from another store with the same episode, is not added.
+
+    Args:
+        from_store: where they are.
+        to_store: which nobody else knows yet.
+        rows: its rows by those of ``from_store``; changes of others are left out.
+
+    Returns:
+        How many changes were added.
+
+    Raises:
+        StoreError: if a line of the log is damaged, or the disk fails.
+    """
+    log = check_log(from_store)
+    mine = [replace(change, row=rows[change.row]) for change in log.changes() if change.row in rows]
+    there = AnnotationLog(to_store).changes()
+    known = Counter(map(encode, there))
+    new = []
+    for change in mine:
+        line = encode(change)
+        if known[line]:
+            known[line] -= 1
+        else:
+            new.append(change)
+    if not new:
+        return 0
+    lines = map(encode, heapq.merge(there, new, key=lambda change: change.when))
+    try:
+        replace_log(to_store, b"".join(lines))
+    except OSError as error:
+        raise StoreError(f"{to_store / FOLDER} cannot be written: {error.strerror}") from None
+    return len(new)

@@ -1,0 +1,179 @@
+"""The log's file: reading it while it grows, appending to it with others at it, and its folder."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import stat
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from grasp_factory.annotations.lines import decode
+from grasp_factory.errors import StoreBusyError, StoreError
+from grasp_factory.writers.files import fsync, write_aside
+from grasp_factory.writers.placeholder import write_placeholder
+from grasp_factory.writers.seals import is_sealed
+
+FOLDER, NAME = "annotations", "log.jsonl"
+DESCRIPTION = "place of log.jsonl, what people say of episodes; not derived, only appended to"
+WAIT_S = 30.0
+"""How long others may hold the log; a change takes milliseconds."""
+_WINDOW = 1 << 16
+
+
+def log_file(store: Path) -> Path:
+    """Return where a store's log is, or would be."""
+    return store / FOLDER / NAME
+
+
+@contextlib.contextmanager
+def reading(file: Path) -> Iterator[int | None]:
+    """Give the open log; None if there is none.
+
+    Raises:
+        StoreError: if it cannot be read, or is no file.
+    """
+    try:
+        # A pipe of that name is not waited for.
+        descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (FileNotFoundError, NotADirectoryError):
+        yield None
+        return
+    except OSError as error:
+        raise _cannot("read", file, error) from None
+    try:
+        _check_regular(file, descriptor)
+        yield descriptor
+    except OSError as error:
+        raise _cannot("read", file, error) from None
+    finally:
+        os.close(descriptor)
+
+
+@contextlib.contextmanager
+def appending(store: Path) -> Iterator[int]:
+    """Give the open log, made if there is none, which is one's own until the block ends.
+
+    What a writer that was killed has left of a last line is removed.
+
+    Raises:
+        StoreError: if it cannot be written.
+        StoreBusyError: if others hold it for too long.
+    """
+    file = log_file(store)
+    try:
+        file.parent.mkdir(exist_ok=True)
+        descriptor = _take(file)
+    except OSError as error:
+        raise _cannot("written", file, error) from None
+    try:
+        if not is_sealed(file.parent / "zarr.json"):
+            write_placeholder(store, FOLDER, DESCRIPTION)
+        if not os.fstat(descriptor).st_size:
+            fsync([file.parent])  # it may be new
+        settle(descriptor)
+        yield descriptor
+    except OSError as error:
+        raise _cannot("written", file, error) from None
+    finally:
+        os.close(descriptor)  # which lets go of it
+
+
+def append(descriptor: int, data: bytes) -> None:
+    """Append to the log and wait until it is on the disk; all of the data, or nothing.
+
+    Raises:
+        OSError: if the disk fails or is full.
+    """
+    size = os.fstat(descriptor).st_size
+    try:
+        left = memoryview(data)
+        while left:
+            left = left[os.write(descriptor, left) :]
+        os.fsync(descriptor)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.ftruncate(descriptor, size)
+        raise
+
+
+def settle(descriptor: int) -> bool:
+    """Remove what is left of an unfinished last line; return whether there was one.
+
+    One that lacks nothing but its line break gets it: an editor may have left that out.
+    """
+    size = os.fstat(descriptor).st_size
+    last = _last_line(descriptor, size)
+    if not last:
+        return False
+    try:
+        decode(last)
+    except ValueError:
+        os.ftruncate(descriptor, size - len(last))
+    else:
+        os.write(descriptor, b"\n")
+    return True
+
+
+def replace_log(store: Path, data: bytes) -> None:
+    """Write the log of a store that nobody else knows yet.
+
+    Raises:
+        OSError: if the disk fails.
+    """
+    write_placeholder(store, FOLDER, DESCRIPTION)
+    write_aside(log_file(store), data)
+    fsync([log_file(store), store / FOLDER])
+
+
+def _last_line(descriptor: int, size: int) -> bytes:
+    """Return what follows the last line break."""
+    window = _WINDOW
+    while True:
+        data = os.pread(descriptor, window, max(size - window, 0))
+        if b"\n" in data or window >= size:
+            return data[data.rfind(b"\n") + 1 :]
+        window *= 2
+
+
+def _take(file: Path) -> int:
+    """Open the log and lock it; the lock is the kernel's and goes with its process."""
+    deadline = time.monotonic() + WAIT_S
+    flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    while True:
+        descriptor = os.open(file, flags, 0o666)
+        taken = False
+        try:
+            _check_regular(file, descriptor)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # It may have been replaced between opening and locking: then once more.
+            taken = os.path.samestat(os.fstat(descriptor), os.lstat(file))
+        except BlockingIOError:
+            if time.monotonic() > deadline:
+                what = f"another process holds it for more than {WAIT_S:.0f} s"
+                raise StoreBusyError(f"{file} cannot be written: {what}; try again") from None
+            time.sleep(0.005)
+        except FileNotFoundError:
+            pass
+        finally:
+            if not taken:
+                os.close(descriptor)
+        if taken:
+            return descriptor
+
+
+def _check_regular(file: Path, descriptor: int) -> None:
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        raise StoreError(f"{file} is in the way: it is no file; move it")
+
+
+def _cannot(what: str, file: Path, error: OSError) -> StoreError:
+    why = error.strerror or str(error)
+    if error.errno == errno.ELOOP and what == "written":
+        why = "it is a link, and annotations stay in their store; put a file in its place"
+    elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS) and what == "written":
+        why += "; the store can be read, but not annotated, by you at this place"
+    return StoreError(f"{file} cannot be {what}: {why}")

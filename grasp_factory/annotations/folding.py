@@ -1,0 +1,61 @@
+"""From changes to what stands: pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from grasp_factory.annotations.records import Annotation, Change, Mark
+from grasp_factory.records import from_plain
+
+
+def fold(changes: Iterable[Change]) -> dict[int, Annotation]:
+    """Return what stands after some changes, by row; rows with nothing set are not in it.
+
+    What counts is the order of the changes, not their times.
+    """
+    out: dict[int, Annotation] = {}
+    for change in changes:
+        fold_in(out, change)
+    return out
+
+
+def fold_in(annotations: dict[int, Annotation], change: Change) -> bool:
+    """Change what stands by one change; return whether that has changed anything."""
+    before = annotations.get(change.row)
+    after = changed(before, change)
+    if after is None:
+        annotations.pop(change.row, None)
+    else:
+        annotations[change.row] = after
+    return after is not before
+
+
+def changed(before: Annotation | None, change: Change) -> Annotation | None:
+    """Return what stands of an episode after a change; None if nothing is set.
+
+    A change that changes nothing gives ``before`` itself.
+    """
+    old = before or Annotation(row=change.row)
+    new = _with(old, change)
+    if new == old:
+        return before
+    return None if new.is_empty else replace(new, changed=change.when, by=change.who)
+
+
+def _with(old: Annotation, change: Change) -> Annotation:
+    value = change.value
+    match change.kind:
+        case "tag":
+            more: dict[str, Any] = {"tags": tuple(sorted({*old.tags, value}))}
+        case "untag":
+            more = {"tags": tuple(tag for tag in old.tags if tag != value)}
+        case "mark":
+            marks = {mark.id: mark for mark in old.marks} | {value["id"]: from_plain(Mark, value)}
+            more = {"marks": tuple(marks.values())}
+        case "unmark":
+            more = {"marks": tuple(mark for mark in old.marks if mark.id != value)}
+        case kind:  # note, quality, outcome: the last one stands
+            more = {kind: value}
+    return replace(old, **more)

@@ -1,0 +1,72 @@
+"""Annotations as lists: counts of tags, JSON records, CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from grasp_factory.annotations.records import Annotation, Change
+from grasp_factory.records import to_plain
+
+COLUMNS = ("row", "tags", "note", "quality", "outcome", "marks", "changed", "by")
+HISTORY = Change.__slots__
+
+
+def tag_counts(annotations: Iterable[Annotation]) -> dict[str, int]:
+    """Return how many episodes have each tag, the most frequent first."""
+    counts = Counter(tag for said in annotations for tag in said.tags)
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+def summary(annotations: Sequence[Annotation]) -> dict[str, int]:
+    """Return how many episodes have anything, and each thing."""
+    return {
+        "annotated": len(annotations),
+        "tagged": sum(bool(said.tags) for said in annotations),
+        "with a note": sum(bool(said.note) for said in annotations),
+        "with a quality": sum(said.quality is not None for said in annotations),
+        "with a corrected outcome": sum(said.outcome is not None for said in annotations),
+        "with marks": sum(bool(said.marks) for said in annotations),
+    }
+
+
+def annotations_csv(annotations: Iterable[Annotation]) -> str:
+    """Return a line for each annotation below a head; tags with commas, marks as JSON."""
+    records = [to_plain(said) for said in annotations]
+    for record in records:
+        record["tags"] = ",".join(record["tags"])
+        record["marks"] = json.dumps(record["marks"], ensure_ascii=False) if record["marks"] else ""
+    return _csv(COLUMNS, records)
+
+
+def changes_csv(changes: Iterable[Change]) -> str:
+    """Return a line for each change below a head; values that are no text as JSON."""
+    records = [to_plain(change) for change in changes]
+    for record in records:
+        if not isinstance(record["value"], str):
+            record["value"] = json.dumps(record["value"], ensure_ascii=False)
+    return _csv(HISTORY, records)
+
+
+def change_text(change: Change) -> str:
+    """Return what a change says, in one line."""
+    value = change.value
+    if change.kind == "mark":
+        pixels = ", ".join(f"{number:g}" for number in value["pixels"])
+        label = f" {value['label']}" if value["label"] else ""
+        return f"{value['shape']}{label} on {value['camera']} {value['frame']} at {pixels}"
+    if value is None or value == "":
+        return "cleared"
+    return " ".join(str(value).split())
+
+
+def _csv(columns: Sequence[str], records: Iterable[dict[str, Any]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([record[name] for name in columns] for record in records)
+    return out.getvalue()

@@ -1,0 +1,63 @@
+"""What only the store knows: which rows there are, its cameras, how large an image is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp_factory import schema
+from grasp_factory.config import FactoryConfig
+from grasp_factory.errors import UsageError
+from grasp_factory.records import check
+from grasp_factory.writers.header import open_store
+from grasp_factory.writers.stored import StoredArray, open_arrays
+from grasp_factory.writers.zarr import MISSING
+
+
+def check_place(store: Path, rows: Sequence[int], changes: Sequence[tuple[str, Any]]) -> None:
+    """Check that the store at ``store`` has these rows, and images that marks are on.
+
+    Args:
+        store: its path.
+        rows: ascending integers, at least one.
+        changes: kinds and values that are checked in themselves.
+
+    Raises:
+        StoreMismatchError: if there is no store.
+        UsageError: naming the row, or what of the mark is not in the store.
+        StoreError: if the store is damaged.
+    """
+    root, config = open_store(store, mode="r")
+    path = schema.STATUS.path
+    _check_rows(store, open_arrays(root, store, [path], {path})[path], rows, config.block_size)
+    for kind, value in changes:
+        if kind == "mark":
+            _check_mark(config, value)
+
+
+def _check_rows(store: Path, status: StoredArray, rows: Sequence[int], size: int) -> None:
+    length = status.zarr.shape[0]
+    for row in (rows[0], rows[-1]):
+        if not 0 <= row < length:
+            valid = f"0 to {length - 1}" if length else "none, the store is empty"
+            raise UsageError(f"episode {row} of {store}: valid: {valid}")
+    wanted = np.array(rows, np.int64)
+    firsts = np.flatnonzero(np.diff(wanted // size)) + 1
+    for mine in np.split(wanted, firsts):  # those of one block, whose file is read once
+        found = status.read(mine[0], mine[-1] + 1)
+        missing = mine[found[mine - mine[0]] == MISSING]
+        if len(missing):
+            what = f"episode {missing[0]} of {store} is missing"
+            raise UsageError(f"{what}: only rows that are there can be annotated")
+
+
+def _check_mark(config: FactoryConfig, mark: dict[str, Any]) -> None:
+    cameras, (width, height) = config.cameras, config.resolution
+    check(mark["camera"] in cameras, "mark.camera", mark["camera"], ", ".join(cameras))
+    x, y, *sides = mark["pixels"]
+    right, bottom = (x + sides[0], y + sides[1]) if sides else (x, y)
+    ok = right <= width and bottom <= height
+    check(ok, "mark.pixels", mark["pixels"], f"within the image, {width}x{height} pixels")

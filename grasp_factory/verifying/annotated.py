@@ -1,0 +1,68 @@
+"""What people said of episodes: is every line of their log as it was written?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from grasp_factory.annotations import AnnotationLog
+from grasp_factory.annotations.carrying import HOW_TO_MEND
+from grasp_factory.annotations.files import DESCRIPTION, NAME, appending
+from grasp_factory.annotations.files import FOLDER as ANNOTATIONS
+from grasp_factory.errors import StoreError
+from grasp_factory.verifying.beside import placeholder_problems
+from grasp_factory.verifying.documents import FILE
+from grasp_factory.verifying.pieces import Pieces
+from grasp_factory.verifying.problems import REPAIR, Problem
+from grasp_factory.writers.placeholder import write_placeholder
+
+LOG = f"{ANNOTATIONS}/{NAME}"
+MOST_NAMED = 20
+"""Damaged lines that are named one by one."""
+_UNFINISHED = "its last line is unfinished: who wrote it was killed, or its end is lost"
+
+
+def annotation_problems(pieces: Pieces) -> Iterator[Problem]:
+    """Give a problem for each line of the log that stands for no change of a row of the store."""
+    path = pieces.path
+    if not (path / ANNOTATIONS).is_dir():
+        return
+    yield from placeholder_problems(path, ANNOTATIONS)
+    log = AnnotationLog(path)
+    try:
+        damaged, last = log.damaged(), max((change.row for change in log.changes()), default=-1)
+    except StoreError as error:
+        yield _problem("cannot be read", str(error))
+        return
+    for line, fault in damaged[:MOST_NAMED]:
+        yield _problem(f"line {line} {fault}", HOW_TO_MEND)
+    if len(damaged) > MOST_NAMED:
+        yield _problem(f"{len(damaged) - MOST_NAMED} more of its lines are damaged", HOW_TO_MEND)
+    if last >= pieces.rows:
+        what = f"tells of row {last}, the store has {pieces.rows}"
+        yield _problem(what, "it may be the log of another store: put the right one there")
+    if not log.is_finished():
+        yield _problem(_UNFINISHED, REPAIR)
+
+
+def mend_annotations(path: Path, problems: Iterable[Problem]) -> tuple[list[str], list[str]]:
+    """Mend what is no word of people; return what was mended, and what could not be.
+
+    Raises:
+        StoreError: if it cannot be written.
+    """
+    mended, failed = [], []
+    for problem in problems:
+        if problem.array == ANNOTATIONS:
+            write_placeholder(path, ANNOTATIONS, DESCRIPTION)
+            mended.append(f"{ANNOTATIONS}/{FILE} is made again")
+        elif problem.array == LOG and problem.advice == REPAIR:
+            with appending(path):
+                mended.append(f"{LOG}: what is left of its last line is removed")
+        elif problem.array == LOG:
+            failed.append(f"{LOG}: {problem.what}: only people can mend that: {problem.advice}")
+    return mended, failed
+
+
+def _problem(what: str, advice: str) -> Problem:
+    return Problem(episode=None, array=LOG, what=what, advice=advice)
