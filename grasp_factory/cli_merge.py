@@ -69,10 +69,11 @@ def split(
     from grasp_factory.collecting import split as run
     from grasp_factory.dataset import Dataset
     from grasp_factory.progress import counted
+    from grasp_factory.selection import read_selection
 
     given = [] if episodes is None else [indices(episodes)]
     if ids is not None:
-        given.append(_read_ids(ids))
+        given.append(read_selection(ids, path))
     dataset = Dataset.open(path)
     given += [_matching(dataset, condition) for condition in where]
     if not given:
@@ -82,23 +83,6 @@ def split(
     with counted("on_row") as hooks:
         result = run(path, out, chosen, **hooks)
     _print(result, as_json)
-
-
-def _read_ids(file: TextIO) -> list[int]:
-    """Return the indices in a file, one to a line; empty lines count for nothing."""
-    out = []
-    try:
-        for number, line in enumerate(file, start=1):
-            word = line.strip()
-            if not word:
-                continue
-            if not (word.isascii() and word.isdecimal() and len(word) <= 9):
-                what = f"--ids {file.name}: line {number}: got {shown(word)}"
-                raise UsageError(f"{what}, valid: one episode index a line, such as 17")
-            out.append(int(word))
-    except UnicodeDecodeError:
-        raise UsageError(f"--ids {file.name}: it is no text, valid: an index a line") from None
-    return out
 
 
 def _matching(dataset: Dataset, condition: str) -> list[int]:

@@ -1,0 +1,188 @@
+"""Making an index of stores, and bringing one up to date."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from grasp_factory.annotations import Annotation, AnnotationLog
+from grasp_factory.errors import UsageError
+from grasp_factory.index.columns import BY_NAME, OF_PEOPLE, OF_ROWS, OF_STORES
+from grasp_factory.index.database import built_aside, quoted, row_id
+from grasp_factory.index.source import Source, state_of
+from grasp_factory.writers.header import read_attributes
+
+SUFFIX = ".index.sqlite"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Built:
+    """An index that was made."""
+
+    path: Path
+    stores: tuple[Path, ...]
+    rows: int
+    seconds: float
+    bytes: int
+
+
+def default_path(store: Path) -> Path:
+    """Return where the index of a store lies: beside it, as ``grasps.zarr.index.sqlite``."""
+    whole = store.absolute()
+    return whole.with_name(whole.name + SUFFIX)
+
+
+def build(
+    stores: Sequence[Path],
+    out: Path,
+    on_start: Callable[[int], None] = lambda rows: None,
+    on_row: Callable[[int], None] = lambda row: None,
+) -> Built:
+    """Make the index of some stores anew; one that is at ``out`` is replaced at the end.
+
+    Args:
+        stores: Their number in the index is their place here.
+        out: The index's file.
+        on_start: Called once, with the number of rows to read.
+        on_row: Called after each row, with its number in its store.
+
+    Raises:
+        StoreMismatchError: if one is no store.
+        StoreError: if one is damaged beyond reading.
+        UsageError: if the index cannot be written, or ``out`` is another file than an index.
+    """
+    started = time.monotonic()
+    paths = [Path(store).absolute() for store in stores]
+    if not paths or len(set(paths)) < len(paths):
+        raise UsageError(f"index: got {len(paths)} stores, valid: at least one, each once")
+    for path in paths:
+        if path in (out.absolute(), *out.absolute().parents):
+            raise UsageError(f"index {out}: it would lie in the store {path}; choose another file")
+    states = [state_of(path) for path in paths if read_attributes(path)]
+    sources = [Source(path) for path in paths]
+    blocks = [source.blocks() for source in sources]
+    on_start(sum(s.episodes(b) for s, b in zip(sources, blocks, strict=True)))
+    rows = 0
+    with built_aside(out) as connection:
+        for number, source in enumerate(sources):
+            add_store(connection, number, source, states[number])
+            rows += len(add_blocks(connection, number, source, blocks[number], on_row))
+            annotate(connection, number, AnnotationLog(source.path))
+    size = out.stat().st_size
+    seconds = time.monotonic() - started
+    return Built(path=out, stores=tuple(paths), rows=rows, seconds=seconds, bytes=size)
+
+
+def add_store(
+    connection: sqlite3.Connection, number: int, source: Source, state: str | None
+) -> None:
+    """Put down a store and its facts, without its rows."""
+    facts = source.facts
+    connection.execute(
+        f"REPLACE INTO stores (id, path, root, state, {', '.join(OF_STORES)})"
+        f" VALUES (?, ?, ?, ?{', ?' * len(OF_STORES)})",
+        (number, str(source.path), source.root, state, *(facts[name] for name in OF_STORES)),
+    )
+
+
+def add_blocks(
+    connection: sqlite3.Connection,
+    number: int,
+    source: Source,
+    blocks: Mapping[int, str],
+    on_row: Callable[[int], None] = lambda row: None,
+) -> list[int]:
+    """Put down the rows of some blocks, of which none is there; return their ids."""
+    columns = ", ".join(map(quoted, OF_ROWS))
+    insert = f"INSERT INTO episodes (id, {columns}) VALUES (?{', ?' * len(OF_ROWS)})"
+    place, store = OF_ROWS.index("row"), OF_ROWS.index("store")
+    texts = [k for k, name in enumerate(OF_ROWS) if BY_NAME[name].kind in ("word", "text")]
+    ids: list[int] = []
+    for rows in source.rows(blocks):
+        keys = [row_id(number, row[place]) for row in rows]
+        placed = ((*row[:store], number, *row[store + 1 :]) for row in rows)
+        connection.executemany(insert, ((key, *row) for key, row in zip(keys, placed, strict=True)))
+        fold(connection, {row[k] for k in texts for row in rows})
+        ids += keys
+        for row in rows:
+            on_row(row[place])
+    markers = ((number, block, marker) for block, marker in blocks.items())
+    connection.executemany("REPLACE INTO blocks VALUES (?, ?, ?)", markers)
+    return ids
+
+
+def remove_rows(connection: sqlite3.Connection, first: int, stop: int) -> list[int]:
+    """Take the rows with ids from ``first`` to ``stop`` - 1 out; return the ids of those there."""
+    span = (first, stop)
+    connection.execute("DELETE FROM row_tags WHERE id >= ? AND id < ?", span)
+    gone = connection.execute("DELETE FROM episodes WHERE id >= ? AND id < ? RETURNING id", span)
+    return [key for (key,) in gone.fetchall()]
+
+
+def annotate(connection: sqlite3.Connection, number: int, log: AnnotationLog) -> list[int]:
+    """Bring what people said of a store's rows up to date; return the ids of rows it changed."""
+    state = json.dumps(log.state())  # first: a change that comes meanwhile is found the next time
+    said = log.annotations()
+    first, last = row_id(number, 0), row_id(number + 1, 0)
+    names = ", ".join(quoted(name) for name in OF_PEOPLE)
+    now = {
+        row[0]: row[1:]
+        for row in connection.execute(
+            f"SELECT id, {names} FROM episodes WHERE id >= ? AND id < ? AND marks IS NOT NULL",
+            (first, last),
+        )
+    }
+    changed = [
+        key
+        for key in {*now, *(row_id(number, row) for row in said)}
+        if set_annotation(connection, key, said.get(key - first), now.get(key))
+    ]
+    connection.execute("UPDATE stores SET annotations = ? WHERE id = ?", (state, number))
+    return changed
+
+
+def set_annotation(
+    connection: sqlite3.Connection,
+    key: int,
+    annotation: Annotation | None,
+    before: tuple[Any, ...] | None = None,
+) -> bool:
+    """Put down what people said of a row; say whether it is there and had something else."""
+    found = connection.execute("SELECT quality FROM episodes WHERE id = ?", (key,)).fetchone()
+    if found is None:
+        return False
+    values = _values(annotation, found[0])
+    if values == before:
+        return False
+    named = ", ".join(f"{quoted(name)} = ?" for name in OF_PEOPLE)
+    connection.execute(f"UPDATE episodes SET {named} WHERE id = ?", (*values, key))
+    connection.execute("DELETE FROM row_tags WHERE id = ?", (key,))
+    if annotation is not None:
+        pairs = [(tag, key) for tag in annotation.tags]
+        connection.executemany("INSERT INTO row_tags VALUES (?, ?)", pairs)
+        fold(connection, {*annotation.tags, annotation.note})
+    return True
+
+
+def _values(annotation: Annotation | None, quality: int | None) -> tuple[Any, ...]:
+    """Return the values of ``OF_PEOPLE`` of a row whose store has a quality for it."""
+    if annotation is None:
+        return None, None, None, None, quality
+    return (
+        annotation.outcome,
+        json.dumps(annotation.tags, ensure_ascii=False) if annotation.tags else None,
+        annotation.note or None,
+        len(annotation.marks),
+        quality if annotation.quality is None else annotation.quality,
+    )
+
+
+def fold(connection: sqlite3.Connection, texts: Iterable[str | None]) -> None:
+    """Keep how texts read without case where SQLite, which knows ASCII's only, cannot tell."""
+    strange = [(t, t.casefold()) for t in texts if t and not (t.isascii() and "\0" not in t)]
+    connection.executemany("REPLACE INTO folded VALUES (?, ?)", strange)

@@ -1,0 +1,93 @@
+"""Which rows a query finds, in its order, without ever going over the rows themselves.
+
+A condition's rows come from the index of its column, an order's from that of another; each holds
+ids, so that neither opens a row. Of n rows m are found: those cost m steps, and to walk along an
+order until enough of them have come takes n - m more at the worst.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sqlite3
+from array import array
+from collections.abc import Iterator, Set
+
+from grasp_factory.index.query import Query
+from grasp_factory.index.sql import Clause, Facts, condition_clause, order
+
+FEW = 10
+"""Found rows are sorted by themselves where they are fewer than all by this factor."""
+
+
+def found_ids(connection: sqlite3.Connection, query: Query, facts: Facts) -> Set[int] | None:
+    """Return the ids of the rows that a query finds; None for all there are."""
+    found: set[int] | None = None
+    for condition in query.conditions:
+        clause = condition_clause(condition, facts)
+        if clause.sql != "1":
+            ids = ids_of(connection, clause)
+            found = ids if found is None else found & ids
+        if found is not None and not found:
+            break
+    return found
+
+
+def number_of_rows(connection: sqlite3.Connection) -> int:
+    """Return how many rows an index has."""
+    count: int = connection.execute("SELECT count(*) FROM episodes").fetchone()[0]
+    return count
+
+
+def count_found(connection: sqlite3.Connection, query: Query, facts: Facts) -> int:
+    """Return how many rows a query finds."""
+    found = found_ids(connection, query, facts)
+    return number_of_rows(connection) if found is None else len(found)
+
+
+def in_order(
+    connection: sqlite3.Connection, query: Query, facts: Facts, found: Set[int] | None
+) -> Iterator[int]:
+    """Give the ids of found rows, in a query's order."""
+    by = order(query, facts)
+    if found is None:
+        return _walk(connection, by, Clause("1"))
+    if not query.sort:
+        return iter(sorted(found))
+    if len(found) * FEW < number_of_rows(connection):
+        some = Clause("id IN (SELECT value FROM json_each(?))", (json.dumps(list(found)),))
+        return _walk(connection, by, some)
+    return filter(found.__contains__, _walk(connection, by, Clause("1")))
+
+
+def all_in_order(connection: sqlite3.Connection, query: Query, facts: Facts) -> array[int]:
+    """Return the ids of all rows that a query finds, in its order."""
+    return array("q", in_order(connection, query, facts, found_ids(connection, query, facts)))
+
+
+def some_in_order(
+    connection: sqlite3.Connection, query: Query, facts: Facts, offset: int, limit: int
+) -> tuple[int, list[int]]:
+    """Return how many rows a query finds, and the ids of some of them in its order."""
+    found = found_ids(connection, query, facts)
+    total = number_of_rows(connection) if found is None else len(found)
+    stop = min(offset + limit, total)  # no step beyond the last one that there is
+    if offset >= stop:
+        return total, []
+    return total, list(itertools.islice(in_order(connection, query, facts, found), offset, stop))
+
+
+def ids_of(connection: sqlite3.Connection, clause: Clause) -> set[int]:
+    """Return the ids of the rows for which a clause holds."""
+    # As one text they come three times as fast as in a row each. The plus keeps SQLite from going
+    # along the ids, through the rows.
+    statement = f"SELECT json_group_array(+id) FROM episodes WHERE {clause.sql}"
+    (text,) = connection.execute(statement, clause.values).fetchone()
+    return set(json.loads(text))
+
+
+def _walk(connection: sqlite3.Connection, by: Clause, some: Clause) -> Iterator[int]:
+    rows = connection.execute(
+        f"SELECT id FROM episodes WHERE {some.sql} ORDER BY {by.sql}", (*some.values, *by.values)
+    )
+    return itertools.chain.from_iterable(rows)

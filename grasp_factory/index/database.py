@@ -1,0 +1,202 @@
+"""The index's file: its tables, and how it is opened, recognised and put in its place."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import sqlite3
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+from grasp_factory.errors import StoreError, UsageError
+from grasp_factory.index.columns import BY_NAME, OF_ROWS
+
+APPLICATION_ID = 0x47464958
+"""Of SQLite files that are an index of ours: ``GFIX``."""
+VERSION = 1
+"""Of the tables. An index of another version is built anew."""
+WAIT_S = 60.0
+"""How long one waits for another process that writes."""
+ROW_BITS = 40
+"""A row's id is its store's number, shifted by this, and its number."""
+_TYPES = {"number": "REAL", "whole": "INTEGER", "bool": "INTEGER"}
+_HEADER = 100
+"""Bytes of an SQLite file's header."""
+
+
+def row_id(store: int, row: int) -> int:
+    """Return the id of a row of a store."""
+    return store << ROW_BITS | row
+
+
+def quoted(column: str) -> str:
+    """Return a column's name for SQL.
+
+    Raises:
+        KeyError: for anything but a column of the index.
+    """
+    return f'"{BY_NAME[column].name}"'
+
+
+def version_of(file: Path) -> int | None:
+    """Return the version of an index; None if there is no file.
+
+    Raises:
+        UsageError: if the file is something else than an index of ours.
+    """
+    try:
+        with file.open("rb") as opened:
+            header = opened.read(_HEADER)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise UsageError(f"index {file} cannot be read: {error.strerror}") from None
+    if len(header) == _HEADER and header.startswith(b"SQLite format 3\0"):
+        version, application = struct.unpack_from(">i", header, 60), header[68:72]
+        if application == APPLICATION_ID.to_bytes(4):
+            return int(version[0])
+    raise UsageError(f"{file} is no index of grasp-factory: nothing is written to it")
+
+
+def connect(file: Path, mode: str) -> sqlite3.Connection:
+    """Open a database; ``mode`` is ro, rw or rwc. Transactions are begun by hand."""
+    uri = f"{file.absolute().as_uri()}?mode={mode}"
+    connection = sqlite3.connect(
+        uri,
+        uri=True,
+        timeout=WAIT_S,
+        isolation_level=None,
+        check_same_thread=False,  # each thread has its own; only closing may be another's
+    )
+    try:
+        connection.execute("PRAGMA trusted_schema = OFF")
+        connection.execute("PRAGMA cache_size = -65536")  # reads the file, and mends it if it may
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def connect_reading(file: Path) -> sqlite3.Connection:
+    """Open an index for reading; what a killed writer left undone is undone first."""
+    try:
+        return connect(file, "ro")
+    except sqlite3.OperationalError:
+        with contextlib.closing(connect(file, "rw")):
+            return connect(file, "ro")
+
+
+@contextlib.contextmanager
+def writing(file: Path) -> Iterator[sqlite3.Connection]:
+    """Give a connection within a transaction that is committed at the end; readers go on.
+
+    Raises:
+        UsageError: if the file cannot be written.
+    """
+    with contextlib.closing(connect(file, "rw")) as connection:
+        # A transaction that spills from its cache locks readers out from then on.
+        connection.execute("PRAGMA cache_spill = OFF")
+        try:
+            connection.execute("BEGIN IMMEDIATE")
+            yield connection
+            connection.execute("UPDATE facts SET generation = generation + 1")
+            connection.execute("COMMIT")
+        except sqlite3.OperationalError as error:
+            raise _cannot_write(file, str(error)) from None
+        except sqlite3.DatabaseError as error:
+            raise damaged(file, error) from None
+
+
+@contextlib.contextmanager
+def built_aside(file: Path) -> Iterator[sqlite3.Connection]:
+    """Give a connection to a new database, which takes the place of ``file`` at the end.
+
+    Who builds the same index at the same time waits for the other.
+
+    Raises:
+        UsageError: if it cannot be written, or the file is something else than an index.
+    """
+    version_of(file)
+    place = file.with_name(f".{file.name}.building")
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.callback(os.close, _locked(place))
+            stack.callback(place.unlink, missing_ok=True)
+            connection = stack.enter_context(contextlib.closing(connect(place, "rw")))
+            for pragma in ("journal_mode = OFF", "synchronous = OFF", "locking_mode = EXCLUSIVE"):
+                connection.execute(f"PRAGMA {pragma}")
+            connection.execute("PRAGMA cache_size = -200000")
+            connection.execute("BEGIN")
+            _create_tables(connection)
+            yield connection
+            _create_indices(connection)
+            connection.execute("COMMIT")
+            connection.execute("PRAGMA locking_mode = NORMAL")
+            connection.execute("PRAGMA journal_mode = DELETE")
+            connection.close()
+            with place.open("rb") as written:
+                os.fsync(written.fileno())
+            place.replace(file)
+        except OSError as error:
+            raise _cannot_write(file, error.strerror or str(error)) from None
+        except sqlite3.OperationalError as error:
+            raise _cannot_write(file, str(error)) from None
+
+
+def _cannot_write(file: Path, why: str) -> UsageError:
+    where = "name one that can be: --out FILE of index, --index FILE of other commands"
+    return UsageError(f"index {file} cannot be written: {why}; {where}")
+
+
+def damaged(file: Path, error: Exception) -> StoreError:
+    """Return the error to raise for an index that cannot be read."""
+    return StoreError(f"index {file} is damaged: {error}; delete it: it is built anew")
+
+
+def _locked(place: Path) -> int:
+    """Return a descriptor of an empty file of our own, locked."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    while True:
+        descriptor = os.open(place, flags, 0o644)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            if os.path.samestat(os.fstat(descriptor), os.lstat(place)):
+                os.ftruncate(descriptor, 0)
+                return descriptor
+        except FileNotFoundError:  # the other one is done with it
+            pass
+        except OSError as error:
+            os.close(descriptor)
+            if error.errno != errno.ENOLCK:
+                raise
+            raise OSError(error.errno, "its file system has no locks") from None
+        os.close(descriptor)
+
+
+def _create_tables(connection: sqlite3.Connection) -> None:
+    columns = ", ".join(
+        f"{quoted(name)} {_TYPES.get(BY_NAME[name].kind, 'TEXT')}" for name in OF_ROWS
+    )
+    for statement in (
+        f"PRAGMA application_id = {APPLICATION_ID}",
+        f"PRAGMA user_version = {VERSION}",
+        "CREATE TABLE facts (generation INTEGER NOT NULL)",
+        "INSERT INTO facts VALUES (1)",
+        "CREATE TABLE stores (id INTEGER PRIMARY KEY, path TEXT NOT NULL, root TEXT, state TEXT,"
+        " annotations TEXT, scenario TEXT, task_type TEXT, extracted_path TEXT, sensor_setup TEXT)",
+        "CREATE TABLE blocks (store INTEGER, block INTEGER, marker TEXT,"
+        " PRIMARY KEY (store, block)) WITHOUT ROWID",
+        "CREATE TABLE row_tags (tag TEXT, id INTEGER, PRIMARY KEY (tag, id)) WITHOUT ROWID",
+        "CREATE TABLE folded (text TEXT PRIMARY KEY, folded TEXT) WITHOUT ROWID",
+        f"CREATE TABLE episodes (id INTEGER PRIMARY KEY, {columns})",
+    ):
+        connection.execute(statement)
+
+
+def _create_indices(connection: sqlite3.Connection) -> None:
+    for name in OF_ROWS:
+        connection.execute(f'CREATE INDEX "by_{name}" ON episodes ({quoted(name)})')
+    connection.execute("CREATE INDEX tags_of_row ON row_tags (id)")

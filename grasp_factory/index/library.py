@@ -1,0 +1,296 @@
+"""An index, opened: queries, histograms, neighbours, and bringing it up to date."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sqlite3
+import threading
+from array import array
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from grasp_factory.annotations import Annotation, AnnotationLog
+from grasp_factory.errors import StoreError, UsageError, lookup
+from grasp_factory.index import histograms, sql, updating
+from grasp_factory.index.building import set_annotation
+from grasp_factory.index.choosing import all_in_order, count_found, some_in_order
+from grasp_factory.index.columns import BY_NAME, COLUMNS, OF_ROWS, OF_STORES
+from grasp_factory.index.database import (
+    ROW_BITS,
+    connect_reading,
+    damaged,
+    quoted,
+    row_id,
+    version_of,
+    writing,
+)
+from grasp_factory.index.query import Query
+from grasp_factory.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
+
+NEAR = 10_000
+"""Rows from the first on that are looked up for themselves; beyond, the whole order is kept."""
+KEPT_ORDERS = 8
+"""Queries whose rows' ids, in order, are kept in memory: 8 bytes a row."""
+
+
+class Index:
+    """An index file. Threads may share it: each has its own connection, which only reads.
+
+    Attributes:
+        path: the file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open an index; ``fresh`` also makes one and brings it up to date.
+
+        Raises:
+            UsageError: if there is none, or another file.
+        """
+        self.path = path
+        self._threads = threading.local()
+        self._connections: list[sqlite3.Connection] = []
+        self._lock = threading.Lock()
+        self._refreshing = threading.Lock()
+        self._orders: OrderedDict[tuple[Any, ...], array[int]] = OrderedDict()
+        self._logs: dict[Path, AnnotationLog] = {}
+        version_of(path)
+
+    def close(self) -> None:
+        """Close the connections of all threads."""
+        with self._lock:
+            for connection in self._connections:
+                connection.close()
+            self._connections.clear()
+            self._threads = threading.local()
+
+    def __enter__(self) -> Index:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+    @property
+    def stores(self) -> tuple[IndexedStore, ...]:
+        """The stores, by their number."""
+        counts = (
+            "SELECT count(*) FROM episodes WHERE id >= ? AND id < ?",
+            'SELECT count(*) FROM episodes WHERE "status" = ? AND id >= ? AND id < ?',
+        )
+        out = []
+        with self._reading() as connection:
+            for number, path in connection.execute("SELECT id, path FROM stores ORDER BY id"):
+                span = (row_id(number, 0), row_id(number + 1, 0))
+                rows = connection.execute(counts[0], span).fetchone()[0]
+                committed = connection.execute(counts[1], ("committed", *span)).fetchone()[0]
+                where = Path(path)
+                store = IndexedStore(
+                    id=number, path=where, name=where.name, rows=rows, committed=committed
+                )
+                out.append(store)
+        return tuple(out)
+
+    def refresh(self) -> int:
+        """Look for what has changed in the stores; return how many rows that changed.
+
+        Raises:
+            StoreError: if a store is gone or damaged.
+            UsageError: if something changed and the index cannot be written.
+        """
+        with self._refreshing:
+            with self._reading() as connection:
+                stale = updating.stale_stores(connection)
+            if not stale:
+                return 0
+            try:
+                with writing(self.path) as connection:
+                    # Another process may have done it while this one waited.
+                    return sum(
+                        updating.update_store(connection, number, path, self._log(path))
+                        for number, path in updating.stale_stores(connection)
+                    )
+            except UsageError:
+                with self._reading() as connection:
+                    if any(updating.has_changed(connection, *store) for store in stale):
+                        raise
+                return 0  # it only had not been certain that nothing had changed
+
+    def annotated(self, store: int, row: int, annotation: Annotation | None) -> None:
+        """Take over what a log says of a row, which has just been written to it.
+
+        Raises:
+            UsageError: if the index cannot be written.
+        """
+        with self._refreshing, writing(self.path) as connection:
+            set_annotation(connection, row_id(store, row), annotation)
+
+    def page(self, query: Query, offset: int = 0, limit: int = 60) -> Page:
+        """Return how many rows a query finds, and some of them.
+
+        Raises:
+            StoreError: if the index is damaged.
+        """
+        with self._reading() as connection:
+            facts = _facts(connection)
+            known = self._known(connection, query)
+            if known is None and offset > NEAR:
+                known = self._ordered(connection, query)
+            if known is not None:
+                total, keys = len(known), known[offset : offset + limit].tolist()
+            else:
+                total, keys = some_in_order(connection, query, facts, offset, limit)
+            return Page(total=total, rows=_rows(connection, keys, facts))
+
+    def count(self, query: Query) -> int:
+        """Return how many rows a query finds."""
+        with self._reading() as connection:
+            return count_found(connection, query, _facts(connection))
+
+    def ids(self, query: Query) -> list[tuple[int, int]]:
+        """Return store and row of every row that a query finds, in its order."""
+        with self._reading() as connection:
+            return [_place(key) for key in self._ordered(connection, query)]
+
+    def row(self, store: int, row: int) -> dict[str, Any] | None:
+        """Return one row; None if the index has none of these numbers."""
+        with self._reading() as connection:
+            found = _rows(connection, [row_id(store, row)], _facts(connection))
+            return found[0] if found else None
+
+    def neighbours(self, query: Query, store: int, row: int) -> Neighbours:
+        """Return where a row stands among those that a query finds, and what is beside it."""
+        with self._reading() as connection:
+            keys = self._ordered(connection, query)
+        try:
+            at = keys.index(row_id(store, row))
+        except ValueError:
+            return Neighbours(position=None, total=len(keys), previous=None, next=None)
+        return Neighbours(
+            position=at,
+            total=len(keys),
+            previous=_place(keys[at - 1]) if at else None,
+            next=_place(keys[at + 1]) if at + 1 < len(keys) else None,
+        )
+
+    def histogram(self, column: str, query: Query, bins: int = 30) -> WordBars | NumberBins:
+        """Return how a column's values are spread over the rows that a query finds.
+
+        Raises:
+            UnknownNameError: for a column that there is not.
+            UsageError: for one whose values cannot be counted.
+        """
+        found = lookup(BY_NAME, "column", column)
+        with self._reading() as connection:
+            return histograms.histogram(connection, found, query, _facts(connection), bins)
+
+    def words(self, column: str, limit: int = 200) -> list[str]:
+        """Return different values of a column of words or tags, sorted.
+
+        Raises:
+            UnknownNameError: for a column that there is not.
+            UsageError: for one that has no words.
+        """
+        found = lookup(BY_NAME, "column", column)
+        with self._reading() as connection:
+            return histograms.words(connection, found, _facts(connection), limit)
+
+    def _ordered(self, connection: sqlite3.Connection, query: Query) -> array[int]:
+        """Return the ids of all rows that a query finds, in its order."""
+        known = self._known(connection, query)
+        if known is not None:
+            return known
+        keys = all_in_order(connection, query, _facts(connection))
+        key = self._key(connection, query)
+        with self._lock:
+            self._orders[key] = keys
+            while len(self._orders) > KEPT_ORDERS:
+                self._orders.popitem(last=False)
+        return keys
+
+    def _known(self, connection: sqlite3.Connection, query: Query) -> array[int] | None:
+        """Return the ids of all rows that a query finds, if they are in memory."""
+        key = self._key(connection, query)
+        with self._lock:
+            if key in self._orders:
+                self._orders.move_to_end(key)
+            return self._orders.get(key)
+
+    def _key(self, connection: sqlite3.Connection, query: Query) -> tuple[Any, ...]:
+        """Return what tells a query's answer from others, and from those of an older index."""
+        (generation,) = connection.execute("SELECT generation FROM facts").fetchone()
+        return query, generation, self._threads.file
+
+    def _log(self, store: Path) -> AnnotationLog:
+        return self._logs.setdefault(store, AnnotationLog(store))
+
+    @contextlib.contextmanager
+    def _reading(self) -> Iterator[sqlite3.Connection]:
+        """Give a connection that sees one state of the index throughout.
+
+        Raises:
+            StoreError: if the index is gone or damaged.
+        """
+        try:
+            connection = self._connection()
+            connection.execute("BEGIN")
+            try:
+                yield connection
+            finally:
+                connection.execute("ROLLBACK")
+        except sqlite3.DatabaseError as error:
+            raise damaged(self.path, error) from None
+
+    def _connection(self) -> sqlite3.Connection:
+        """Return this thread's connection, a new one if another file has taken the place."""
+        try:
+            found = self.path.stat()
+        except OSError:
+            raise StoreError(f"there is no index at {self.path} any more") from None
+        file = (found.st_dev, found.st_ino)
+        if getattr(self._threads, "file", None) != file:
+            connection = connect_reading(self.path)
+            self._threads.connection, self._threads.file = connection, file
+            with self._lock:
+                self._connections.append(connection)
+        mine: sqlite3.Connection = self._threads.connection
+        return mine
+
+
+def _facts(connection: sqlite3.Connection) -> dict[int, dict[str, str]]:
+    found = connection.execute(f"SELECT id, {', '.join(OF_STORES)} FROM stores ORDER BY id")
+    return {number: dict(zip(OF_STORES, rest, strict=True)) for number, *rest in found}
+
+
+def _place(key: int) -> tuple[int, int]:
+    return key >> ROW_BITS, key & ((1 << ROW_BITS) - 1)
+
+
+def _rows(
+    connection: sqlite3.Connection, keys: list[int], facts: sql.Facts
+) -> list[dict[str, Any]]:
+    """Return rows by their ids, in their order, as people see them."""
+    names = ", ".join(map(quoted, OF_ROWS))
+    found = connection.execute(
+        f"SELECT id, {names} FROM episodes WHERE id IN (SELECT value FROM json_each(?))",
+        (json.dumps(keys),),
+    )
+    by_key = {key: dict(zip(OF_ROWS, values, strict=True)) for key, *values in found}
+    return [_shown({**by_key[key], **facts[_place(key)[0]]}) for key in keys if key in by_key]
+
+
+def _shown(row: dict[str, Any]) -> dict[str, Any]:
+    return {column.name: _SHOWN.get(column.kind, _same)(row[column.name]) for column in COLUMNS}
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+_SHOWN: dict[str, Callable[[Any], Any]] = {
+    "bool": lambda value: None if value is None else bool(value),
+    "tags": lambda value: [] if value is None else json.loads(value),
+    "json": lambda value: None if value is None else json.loads(value),
+}

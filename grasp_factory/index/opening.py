@@ -1,0 +1,88 @@
+"""From paths on a command line to an index that is up to date."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from grasp_factory.cache import cache_dir, digest
+from grasp_factory.errors import UsageError
+from grasp_factory.index.building import build, default_path
+from grasp_factory.index.database import VERSION, version_of
+from grasp_factory.index.library import Index
+
+
+def fresh(
+    paths: Sequence[Path],
+    index: Path | None = None,
+    on_start: Callable[[int], None] = lambda rows: None,
+    on_row: Callable[[int], None] = lambda row: None,
+) -> Index:
+    """Open the index of some stores, up to date; it is made if there is none.
+
+    Args:
+        paths: Stores, or one index file.
+        index: Where the index is, or is to be. None for the place beside the store; of several
+            stores the cache.
+        on_start: Called with the number of rows if the index is made; see ``build``.
+        on_row: Called after each row of it.
+
+    Raises:
+        StoreMismatchError: if a path is neither store nor index.
+        StoreError: if a store is gone or damaged.
+        UsageError: if the index cannot be written, or another file or an index of other stores
+            is in its place.
+    """
+    stores = [Path(path).absolute() for path in paths]
+    if len(stores) == 1 and stores[0].is_file():
+        if index is not None:
+            raise UsageError(f"{paths[0]} is a file: --index goes with stores only")
+        return _of_file(stores[0], on_start, on_row)
+    place = _default(stores) if index is None else index
+    version = version_of(place)
+    opened = Index(place) if version == VERSION else None
+    if opened is not None:
+        try:
+            there = {store.path for store in opened.stores}
+            if there == set(stores):
+                opened.refresh()
+                return opened
+        except BaseException:
+            opened.close()
+            raise
+        opened.close()
+        if index is not None:
+            names = ", ".join(map(str, sorted(there)))
+            raise UsageError(
+                f"{index} is the index of {names}; give it in place of the stores, or name another"
+                f" file; grasp-factory index ... --out {index} makes it anew"
+            )
+    build(stores, place, on_start, on_row)
+    return Index(place)
+
+
+def _default(stores: Sequence[Path]) -> Path:
+    if not stores:
+        raise UsageError("no store is named, valid: stores, or one index file")
+    if len(stores) == 1:
+        return default_path(stores[0])
+    name = digest("\n".join(sorted(map(str, stores))).encode())
+    folder = cache_dir() / "indexes"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{name}.sqlite"
+
+
+def _of_file(file: Path, on_start: Callable[[int], None], on_row: Callable[[int], None]) -> Index:
+    version = version_of(file)
+    if version != VERSION:
+        raise UsageError(
+            f"index {file} was made by another version of grasp-factory; make it anew:"
+            f" grasp-factory index STORE... --out {file}"
+        )
+    opened = Index(file)
+    try:
+        opened.refresh()
+    except BaseException:
+        opened.close()
+        raise
+    return opened

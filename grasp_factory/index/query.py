@@ -1,0 +1,242 @@
+"""What people ask an index: conditions on columns, and an order."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from grasp_factory.errors import UsageError, lookup, shown
+from grasp_factory.index.columns import BY_NAME, Column
+
+SYNTAX = (
+    "COLUMN=VALUE, COLUMN!=VALUE, COLUMN<VALUE, <=, >, >=, COLUMN~TEXT (contains),"
+    " COLUMN=[A,B] (any of), COLUMN=null, COLUMN!=null"
+)
+MAX_CONDITIONS = 50
+MAX_VALUES = 500
+"""Of a list."""
+MAX_ALL_VALUES = 5000
+"""Of all conditions together."""
+LONGEST = 4_000
+"""Characters of a value: the longest note, and less than SQLite's LIKE takes."""
+_EQUAL, _ORDER = ("=", "!="), ("<", "<=", ">", ">=")
+OPERATORS: Mapping[str, tuple[str, ...]] = {
+    "word": (*_EQUAL, "~"),
+    "text": (*_EQUAL, "~"),
+    "number": (*_EQUAL, *_ORDER),
+    "whole": (*_EQUAL, *_ORDER),
+    "bool": _EQUAL,
+    "json": ("~",),
+    "time": (*_EQUAL, *_ORDER),
+    "tags": (*_EQUAL, "~"),
+}
+"""By a column's kind."""
+_CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(!=|<=|>=|=|<|>|~)(.*)", re.DOTALL)
+_TIME = re.compile(r"\d{4}(-\d\d(-\d\d([T ]\d\d(:\d\d(:\d\d(Z|\+00:00)?)?)?)?)?)?")
+_BOOLS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+Value = str | float | bool | None
+"""None is null: the row has no such value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A column, compared. ``!=`` is the opposite of ``=``, so rows without a value fulfil it."""
+
+    column: str
+    operator: str
+    values: tuple[Value, ...]
+    """One, or several that ``=`` and ``!=`` take any of."""
+
+    def __post_init__(self) -> None:
+        """Check the column, the operator and the values.
+
+        Raises:
+            UnknownNameError: for a column that there is not, or a word that its column cannot have.
+            UsageError: for an operator or a value that the column's kind does not take.
+        """
+        column = lookup(BY_NAME, "column", self.column)
+        has_null = None in self.values
+        valid = (*OPERATORS[column.kind], *(_EQUAL if has_null else ()))
+        if self.operator not in valid:
+            got = f"{self.column} is a {column.kind} column: got {self.operator}"
+            raise UsageError(f"{got}, valid: {' '.join(OPERATORS[column.kind])}; or =null, !=null")
+        if self.operator not in _EQUAL and (has_null or len(self.values) != 1):
+            what = f"{self.column}{self.operator}"
+            raise UsageError(f"{what}: got {shown(list(self.values))}, valid: one value")
+        if not 0 < len(self.values) <= MAX_VALUES:
+            got = f"{self.column}: got {len(self.values)} values"
+            raise UsageError(f"{got}, valid: 1 to {MAX_VALUES}")
+        checked = tuple(_checked(column, self.operator, value) for value in self.values)
+        object.__setattr__(self, "values", checked)
+
+    @classmethod
+    def parse(cls, text: str) -> Condition:
+        """Return what a text such as ``lift_height>=0.1`` says.
+
+        Raises:
+            UsageError: if it cannot be understood; it says what is valid.
+        """
+        found = _CONDITION.fullmatch(text)
+        if not found:
+            raise UsageError(f"condition {shown(text)}: valid: {SYNTAX}")
+        name, operator, rest = found[1], found[2], found[3].strip()
+        column = lookup(BY_NAME, "column", name)
+        texts = _items(rest) if operator in _EQUAL else [rest]
+        return cls(name, operator, tuple(_read(column, operator, item) for item in texts))
+
+
+@dataclass(frozen=True, slots=True)
+class Sort:
+    """An order; rows without a value come last, whichever way."""
+
+    column: str
+    descending: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the column.
+
+        Raises:
+            UnknownNameError: for one that there is not.
+        """
+        lookup(BY_NAME, "column", self.column)
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """Which rows of an index, and in what order: without one, by store and row."""
+
+    conditions: tuple[Condition, ...] = ()
+    """All of them must hold."""
+    sort: tuple[Sort, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check how many conditions and values there are.
+
+        Raises:
+            UsageError: if they are too many.
+        """
+        if len(self.conditions) > MAX_CONDITIONS:
+            raise UsageError(
+                f"got {len(self.conditions)} conditions, valid: up to {MAX_CONDITIONS}"
+            )
+        values = sum(len(condition.values) for condition in self.conditions)
+        if values > MAX_ALL_VALUES:
+            raise UsageError(f"got {values} values, valid: up to {MAX_ALL_VALUES} in a query")
+
+    @classmethod
+    def parse(cls, where: Sequence[str], sort: str = "") -> Query:
+        """Return what texts say: conditions, ``policy=uniform``, and an order, ``-lift_height``.
+
+        Args:
+            where: Conditions, all of which must hold.
+            sort: Columns with commas between; a minus before one turns its order round.
+
+        Raises:
+            UsageError: if anything cannot be understood; it says what is valid.
+        """
+        words = [word.strip() for word in sort.split(",")] if sort.strip() else []
+        orders = tuple(Sort(word.removeprefix("-"), word.startswith("-")) for word in words)
+        if len({order.column for order in orders}) < len(orders):
+            raise UsageError(f"sort {shown(sort)}: valid: each column once")
+        return cls(tuple(map(Condition.parse, where)), orders)
+
+
+def _items(text: str) -> list[str | None]:
+    """Return the texts of a value: itself, the items of a [list], None for null."""
+    if not (text.startswith("[") and text.endswith("]")):
+        return [None if text == "null" else text]
+    if text[1:].lstrip().startswith('"'):
+        try:
+            items = json.loads(text)
+        except (ValueError, RecursionError):
+            items = None
+        if not isinstance(items, list) or not all(i is None or isinstance(i, str) for i in items):
+            raise UsageError(f'list {shown(text)}: valid: [a,b], or ["a","b"] with quotes in JSON')
+        return items
+    words = [word.strip() for word in text[1:-1].split(",")]
+    return [None if word == "null" else word for word in words]
+
+
+def _read(column: Column, operator: str, text: str | None) -> Value:
+    """Return the value that a text stands for in a column, as far as it can be read."""
+    if text is None:
+        return None
+    if column.kind == "bool":
+        return _BOOLS.get(text.lower(), text)
+    if column.kind in ("number", "whole"):
+        try:
+            return float(text) if not re.fullmatch(r"[-+]?\d{1,18}", text) else int(text)
+        except ValueError:
+            return text
+    return text
+
+
+def _checked(column: Column, operator: str, value: Value) -> Value:
+    if value is None:
+        return None
+    return _CHECKS[column.kind](column, operator, value)
+
+
+def _word(column: Column, operator: str, value: Value) -> Value:
+    if not isinstance(value, str) or not _is_text(value):
+        raise _wrong(column, operator, value, "text")
+    if operator == "~" and not value:
+        raise _wrong(column, operator, value, "at least a character")
+    if column.words and operator != "~":
+        lookup(dict.fromkeys(column.words), f"{column.name}", value)
+    return value
+
+
+def _number(column: Column, operator: str, value: Value) -> Value:
+    try:
+        good = isinstance(value, int | float) and not isinstance(value, bool)
+        good = good and math.isfinite(float(value))  # type: ignore[arg-type]
+    except OverflowError:
+        good = False
+    if not good:
+        raise _wrong(column, operator, value, "a number")
+    assert value is not None
+    return value if isinstance(value, int) and abs(value) < 2**63 else float(value)
+
+
+def _bool(column: Column, operator: str, value: Value) -> Value:
+    if not isinstance(value, bool):
+        raise _wrong(column, operator, value, "true or false")
+    return value
+
+
+def _time(column: Column, operator: str, value: Value) -> Value:
+    if not isinstance(value, str) or not _TIME.fullmatch(value):
+        valid = "a date or the beginning of one in UTC, such as 2026-03, 2026-03-01T08:30"
+        raise _wrong(column, operator, value, valid)
+    return value.replace(" ", "T").replace("+00:00", "Z")
+
+
+_CHECKS: Mapping[str, Callable[[Column, str, Value], Value]] = {
+    "word": _word,
+    "text": _word,
+    "json": _word,
+    "tags": _word,
+    "number": _number,
+    "whole": _number,
+    "bool": _bool,
+    "time": _time,
+}
+
+
+def _is_text(value: str) -> bool:
+    """Say whether a text can be stored: one from a command line may hold what is no character."""
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return len(value) <= LONGEST and "\0" not in value
+
+
+def _wrong(column: Column, operator: str, value: Any, valid: str) -> UsageError:
+    return UsageError(f"{column.name}{operator}: got {shown(value)}, valid: {valid}")

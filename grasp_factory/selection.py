@@ -1,0 +1,77 @@
+"""Lists of episodes in files, which `query --ids` prints and ``--ids FILE`` of commands takes."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TextIO
+
+from grasp_factory.errors import GraspFactoryWarning, UsageError, shown
+
+LONGEST = 9
+"""Digits of a row."""
+
+
+def read_selection(file: TextIO, store: Path) -> list[int]:
+    """Return the rows of a store that a file lists, in its order.
+
+    A line is ROW or STORE:ROW, STORE being a path; empty ones count for nothing. Lines of other
+    stores are left out, and a warning says how many.
+
+    Args:
+        file: Its name is said in errors.
+        store: Whose rows are wanted.
+
+    Raises:
+        UsageError: naming the first line that is neither, or if all lines are of other stores.
+    """
+    rows, others = [], 0
+    same: dict[str, bool] = {}
+    try:
+        for number, line in enumerate(file, start=1):
+            word = line.strip()
+            if not word:
+                continue
+            path, colon, row = word.rpartition(":")
+            if not _is_row(row) or (colon and not path):
+                what = f"--ids {file.name}: line {number}: got {shown(word)}"
+                raise UsageError(f"{what}, valid: one episode index a line, such as 17")
+            if path and path not in same:
+                same[path] = _is_same(path, store)
+            if same.get(path, True):
+                rows.append(int(row))
+            else:
+                others += 1
+    except UnicodeDecodeError:
+        raise UsageError(f"--ids {file.name}: it is no text, valid: an index a line") from None
+    if others:
+        what = f"--ids {file.name}: {others} of {others + len(rows)} lines are of other stores"
+        if not rows:
+            raise UsageError(f"{what}, none of {store}: the first is {shown(next(iter(same)))}")
+        warnings.warn(f"{what} than {store} and left out", GraspFactoryWarning, stacklevel=2)
+    return rows
+
+
+def selection_lines(chosen: Iterable[tuple[Path, int]], *, named: bool) -> list[str]:
+    """Return the lines of a list of episodes.
+
+    Args:
+        chosen: Their stores and rows.
+        named: Whether lines name the store, as they must where there are several.
+    """
+    return [f"{store}:{row}" if named else str(row) for store, row in chosen]
+
+
+def _is_row(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) <= LONGEST
+
+
+def _is_same(path: str, store: Path) -> bool:
+    if os.path.abspath(path) == os.path.abspath(store):
+        return True
+    try:
+        return os.path.samefile(path, store)
+    except (OSError, ValueError):  # one of them is not there, or is no path at all
+        return False
