@@ -5,33 +5,87 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
-from grasp_factory.arguments import STORE, indices
+from grasp_factory.arguments import STORE, indices, resolution
+from grasp_factory.errors import UsageError
 from grasp_factory.options import dataset_options, request_from
 
 
 @click.command()
 @STORE
 @click.argument("out", type=click.Path(path_type=Path))
-@click.option(
-    "--episodes", metavar="I,J,...", help="Which ones.  [default: up to 12, both classes]"
-)
+@click.option("--episodes", metavar="I,J,...", help="These rows.  [default: some, of both classes]")
+@click.option("--ids", metavar="FILE", type=click.File(), help="Rows, one to a line; - is stdin.")
+@click.option("--n", type=int, help="How many at most.  [default: 12; tiles: 60]")
+@click.option("--tiles", is_flag=True, help="Many small ones: before and after, up to 600.")
+@click.option("--columns", type=int, help="Tiles side by side.  [default: a sheet of 4:3, about]")
 @click.option("--camera", help="Which one.  [default: the first]")
-def sheet(path: Path, out: Path, episodes: str | None, camera: str | None) -> None:
+def sheet(
+    path: Path,
+    out: Path,
+    *,
+    episodes: str | None,
+    ids: TextIO | None,
+    n: int | None,
+    tiles: bool,
+    columns: int | None,
+    camera: str | None,
+) -> None:
     """Draw a contact sheet of a store.
 
     The PNG image OUT gets a row for each episode of the store at PATH: before, after, depth and
-    segmentation, labelled with the outcome.
+    segmentation, labelled with the outcome. With --tiles, it gets a grid of many.
     """
     from grasp_factory.dataset import Dataset
-    from grasp_factory.sheet import sheet_of, write_png
+    from grasp_factory.sheet import check_png, sheet_of, write_png
+    from grasp_factory.tiles import tiles_of
 
+    if episodes is not None and ids is not None:
+        raise UsageError("--episodes and --ids: valid: one of them")
+    if columns is not None and not tiles:
+        raise UsageError("--columns is for --tiles")
+    check_png(out)
     dataset = Dataset.open(path)
     wanted = None if episodes is None else indices(episodes)
-    image = sheet_of(dataset, wanted, camera or next(iter(dataset.config.cameras)))
+    if ids is not None:
+        from grasp_factory.selection import read_selection
+
+        wanted = read_selection(ids, path)
+    shown = camera or next(iter(dataset.config.cameras))
+    if tiles:
+        image = tiles_of(dataset, wanted, shown, n, columns)
+    else:
+        image = sheet_of(dataset, wanted, shown, n)
+    write_png(out, image)
+    click.echo(out)
+
+
+@click.command()
+@STORE
+@click.argument("episode", type=int)
+@click.argument("out", required=False, type=click.Path(path_type=Path))
+@click.option("--camera", help="Which one.  [default: the first]")
+@click.option(
+    "--size", metavar="WxH", default="1600x1200", show_default=True, help="Of the picture, pixels."
+)
+def plot(path: Path, episode: int, out: Path | None, camera: str | None, size: str) -> None:
+    """Draw the curves and images of an episode.
+
+    The PNG image OUT shows row EPISODE of the store at PATH: joints, gripper, pad forces, wrist and
+    IMU on one time axis with the phases, images before and after, and touch on the pads. OUT is
+    episode_EPISODE.png in the current folder unless given.
+    """
+    from grasp_factory.dataset import Dataset
+    from grasp_factory.plot import plot_episode
+    from grasp_factory.sheet import check_png, write_png
+
+    out = Path(f"episode_{episode}.png") if out is None else out
+    check_png(out)
+    width, height = resolution(size)
+    image = plot_episode(Dataset.open(path), episode, camera, (width, height))
     write_png(out, image)
     click.echo(out)
 

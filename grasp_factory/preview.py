@@ -14,12 +14,12 @@ from grasp_factory.errors import RecipeError, UsageError
 from grasp_factory.painting import Image
 from grasp_factory.sampling import sample_spec
 from grasp_factory.scene import build_scene, look, settle
+from grasp_factory.tiles import grid
 from grasp_factory.world import World
 
 TILE_WIDTH = 240
 CAPTION = 20
 """Pixels below each tile."""
-GAP = 6
 MOST = 400
 """Scenes of a preview."""
 SHAPE = 4 / 3
@@ -46,7 +46,7 @@ def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) ->
         for index in range(n):
             tiles.append(_tile(world, small, index))
             on_scene()
-    return _grid(tiles, math.ceil(math.sqrt(n * SHAPE)))
+    return grid(tiles, math.ceil(math.sqrt(n * SHAPE)))
 
 
 def _tile(world: World, config: FactoryConfig, index: int) -> Image:
@@ -66,15 +66,3 @@ def _tile(world: World, config: FactoryConfig, index: int) -> Image:
         strip, words.encode("ascii", "replace").decode(), (2, CAPTION // 2), height=10
     )
     return np.vstack([picture, strip])
-
-
-def _grid(tiles: list[Image], columns: int) -> Image:
-    height, width = tiles[0].shape[:2]
-    rows = math.ceil(len(tiles) / columns)
-    shape = (rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3)
-    grid: Image = np.full(shape, painting.PAPER, np.uint8)
-    for i, tile in enumerate(tiles):
-        top, left = (GAP + step * (side + GAP) for step, side in
-                     zip(divmod(i, columns), (height, width), strict=True))  # fmt: skip
-        grid[top : top + height, left : left + width] = tile
-    return grid

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import yaml
@@ -14,10 +14,32 @@ from grasp_factory.dryrun import Forecast
 from grasp_factory.factory import Plan, Summary
 from grasp_factory.relabel import Relabelled
 from grasp_factory.replay import Replay
+from grasp_factory.report_store import GROUPS, arrays_text, store_text
+from grasp_factory.report_words import count, duration_text, percent, size_text, table
 from grasp_factory.request import WHOLE
-from grasp_factory.summary import StoreSummary, Tally
 from grasp_factory.verifying import Repaired, Report
 from grasp_factory.writers.header import SOURCES
+
+__all__ = [
+    "GROUPS",
+    "arrays_text",
+    "collected_text",
+    "count",
+    "duration_text",
+    "figures_text",
+    "forecast_text",
+    "origin_text",
+    "percent",
+    "plan_text",
+    "relabel_text",
+    "repair_text",
+    "replay_text",
+    "size_text",
+    "store_text",
+    "summary_text",
+    "table",
+    "verify_text",
+]
 
 MOST_NAMED = 10
 """Quarantined episodes that a summary names."""
@@ -43,21 +65,6 @@ def figures_text(figures: Iterable[Figure]) -> str:
         for f in figures
     ]  # fmt: skip
     return table([head, *rows], right=(2, 4))
-
-
-def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
-    """Return rows as aligned columns; those whose position is in ``right`` are right-aligned."""
-    cells = [[str(cell) for cell in row] for row in rows]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    flush = set(right)
-    lines = [
-        "  ".join(
-            cell.rjust(width) if i in flush else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in cells
-    ]
-    return "\n".join(lines)
 
 
 def plan_text(plan: Plan) -> str:
@@ -92,38 +99,6 @@ def summary_text(summary: Summary) -> str:
     return "\n\n".join(text)
 
 
-def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
-    """Return a store's counts; ``groups`` are policy, outcome, object set, split."""
-    head = [
-        f"{store.path}: {count(store.committed, 'episode')}, {percent(store.success_rate)} success,"
-        f" {size_text(store.bytes)}"
-    ]
-    if store.bytes_per_episode:
-        head[0] += f" ({size_text(store.bytes_per_episode)} each)"
-    if store.missing:
-        head.append(f"{store.missing} of {store.episodes} are missing: run generate again")
-    if store.quarantined:
-        head.append(f"{store.quarantined} of {store.episodes} are quarantined")
-    if store.quality:
-        scores = ", ".join(f"{n} with {score}" for score, n in store.quality.items())
-        head.append(f"quality, 5 the best: {scores}")
-    tables = {
-        "policy": _tally_table("policy", store.policies),
-        "outcome": _outcome_table(store),
-        "object set": _tally_table("object set", store.object_sets),
-        "split": _tally_table("split", store.splits),
-    }
-    return "\n\n".join(["\n".join(head), *(tables[group] for group in groups)])
-
-
-def arrays_text(facts: Iterable[Mapping[str, Any]]) -> str:
-    """Return the arrays of a store as a table."""
-    rows = [
-        (f["path"], " x ".join(map(str, f["shape"])), f["dtype"], f["units"] or "-") for f in facts
-    ]
-    return table([("array", "shape", "dtype", "unit"), *rows])
-
-
 def origin_text(attributes: Mapping[str, Any]) -> str:
     """Return what a store was made with, and from which config."""
     facts = {**attributes["versions"], **attributes["platform"]}
@@ -147,6 +122,8 @@ def collected_text(result: Collected) -> str:
         lines.append(f"{result.missing} of {result.rows} are missing: run generate on it")
     lines += [f"labels/{name} was carried over" for name in result.labels]
     lines += [f"labels/{n} was left out: {why}" for n, why in result.labels_left_out.items()]
+    if result.annotations:
+        lines.append(f"annotations of {count(result.annotations, 'episode')} were carried over")
     return "\n".join([*lines, *(f"warning: {warning}" for warning in result.warnings)])
 
 
@@ -247,43 +224,3 @@ def _first(items: Iterable[object]) -> list[str]:
     lines = [f"  {item}" for item in items]
     more = len(lines) - MOST_LINES
     return lines if more <= 0 else [*lines[:MOST_LINES], f"  and {more} more: --json has them all"]
-
-
-def count(number: int, noun: str) -> str:
-    """Return a number with its noun, in the plural unless it is one."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
-
-
-def percent(rate: float | None) -> str:
-    """Return a rate in per cent, or a dash for none."""
-    return "-" if rate is None else f"{100 * rate:.1f} %"
-
-
-def size_text(size: float) -> str:
-    """Return bytes in a readable unit, with powers of 1000."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if size < 1000:
-            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
-        size /= 1000
-    return f"{size:.1f} TB"
-
-
-def duration_text(seconds: float) -> str:
-    """Return a time in a readable unit."""
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    if seconds < 2 * 3600:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h" if seconds < 48 * 3600 else f"{seconds / 86400:.1f} days"
-
-
-def _tally_table(title: str, tallies: Mapping[str, Tally]) -> str:
-    rows = [(key, t.episodes, percent(t.success_rate)) for key, t in tallies.items()]
-    return table([(title, "episodes", "success"), *rows], right=(1, 2))
-
-
-def _outcome_table(store: StoreSummary) -> str:
-    rows = [(word, number) for word, number in store.outcomes.items()]
-    if store.quarantined:
-        rows.append(("quarantined", store.quarantined))
-    return table([("outcome", "episodes"), *rows], right=(1,))

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from grasp_factory import painting
 from grasp_factory.dataset import Dataset
 from grasp_factory.episode import CameraFrames, Episode
-from grasp_factory.errors import StoreError, UsageError, lookup
+from grasp_factory.errors import UsageError, lookup
 from grasp_factory.outcome import Label, label_names
+from grasp_factory.outfile import FileKind, check_out, written_aside
 from grasp_factory.painting import Image
 
 COLUMNS = ("before", "after", "depth before", "segmentation before")
@@ -23,6 +24,9 @@ HEADER, CAPTION = 58, 34
 """Pixels above the first row, and above each row's panels."""
 WORTH_TELLING = 0.005
 """Metres of lift."""
+DEFAULT, MOST = 12, 60
+"""Episodes of a sheet: without being told, and at most."""
+PNG = FileKind(what="a PNG image", suffix=".png", magic=b"\x89PNG\r\n\x1a\n")
 
 
 def choose_episodes(success: NDArray[np.bool_], most: int = 12) -> NDArray[np.int64]:
@@ -33,23 +37,58 @@ def choose_episodes(success: NDArray[np.bool_], most: int = 12) -> NDArray[np.in
     return np.sort(np.concatenate([_spread(good, n_good), _spread(bad, n_bad)]))
 
 
-def sheet_of(dataset: Dataset, indices: Sequence[int] | None, camera: str) -> Image:
-    """Return the sheet of a store's episodes; without ``indices``, of a choice of them.
+def chosen(
+    dataset: Dataset, indices: Sequence[int] | None, n: int | None, *, default: int, most: int
+) -> list[int]:
+    """Return which episodes of a store a sheet shows.
+
+    Args:
+        dataset: The store.
+        indices: Those to choose from, in the order in which they are shown; None for all that are
+            committed.
+        n: How many at most, of both classes; None for all that ``indices`` names, and for
+            ``default`` without.
+        default: See ``n``.
+        most: How many a sheet has room for.
 
     Raises:
-        UsageError: for an index that the store does not have, or a store without episodes.
-        StoreError: for an episode that is not made, or quarantined.
+        UsageError: for an index that the store does not have, or more than there is room for.
     """
-    if indices is None:
-        committed = dataset.committed
-        chosen = choose_episodes(dataset.column("success")[committed])
-        indices = [int(i) for i in committed[chosen]]
-    for index in indices:
+    room = (default if indices is None else most) if n is None else n
+    if not 1 <= room <= most:
+        raise UsageError(f"{room} episodes on a sheet: valid: 1 to {most}")
+    for index in indices or ():
         if not 0 <= index < len(dataset):
             raise UsageError(
                 f"episode {index}: {dataset.path} has episodes 0 to {len(dataset) - 1}"
             )
-    return draw_sheet([dataset[index] for index in indices], camera)
+    if indices is not None and n is None and len(indices) > most:
+        what = f"{len(indices)} episodes are more than the {most} of a sheet"
+        raise UsageError(f"{what}: --n {most} draws some of them, --tiles has room for more")
+    rows = dataset.committed if indices is None else np.array(indices, np.int64)
+    if len(rows) > room:
+        rows = rows[choose_episodes(dataset.column("success")[rows], room)]
+    return [int(row) for row in rows]
+
+
+def sheet_of(
+    dataset: Dataset, indices: Sequence[int] | None, camera: str, n: int | None = None
+) -> Image:
+    """Return the sheet of a store's episodes; without ``indices``, of a choice of them.
+
+    Args:
+        dataset: The store.
+        indices: Of the episodes, from the top.
+        camera: Whose images are shown.
+        n: How many at most, chosen from these.
+
+    Raises:
+        UsageError: for an index that the store does not have, a store without episodes, or more
+            than a sheet has room for.
+        StoreError: for an episode that is not made, or quarantined.
+    """
+    rows = chosen(dataset, indices, n, default=DEFAULT, most=MOST)
+    return draw_sheet([dataset[row] for row in rows], camera)
 
 
 def draw_sheet(episodes: Sequence[Episode], camera: str) -> Image:
@@ -80,28 +119,24 @@ def check_png(path: Path) -> None:
     """Check that a PNG image may be written there.
 
     Raises:
-        UsageError: if the name does not end in .png or its folder does not exist.
+        UsageError: if the name does not end in .png, its folder does not exist, or something is
+            there that is no PNG image.
     """
-    if path.suffix.lower() != ".png":
-        raise UsageError(f"{path}: what is drawn is a PNG image, valid: a name that ends in .png")
-    if not path.parent.is_dir():
-        raise UsageError(f"{path}: the folder {path.parent} does not exist")
+    check_out(path, [PNG])
 
 
 def write_png(path: Path, image: Image) -> None:
     """Write an image as PNG.
 
     Raises:
-        UsageError: if the name does not end in .png or its folder does not exist.
+        UsageError: as ``check_png`` does.
         StoreError: if the file cannot be written.
     """
     check_png(path)
     ok, data = cv2.imencode(".png", image)
     assert ok
-    try:
-        path.write_bytes(data.tobytes())
-    except OSError as error:
-        raise StoreError(f"{path} cannot be written: {error.strerror}") from None
+    with written_aside(path) as partial:
+        partial.write_bytes(data.tobytes())
 
 
 def caption(episode: Episode) -> str:

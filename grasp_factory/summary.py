@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import compress
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.annotations.listing import tag_counts
 from grasp_factory.dataset import Dataset
 from grasp_factory.outcome import Outcome, names
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.sizes import store_bytes
+from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
+
+K = TypeVar("K", str, tuple[str, str])
+
+_BALANCED = ("policy", "object_family")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,10 +48,20 @@ class StoreSummary:
     policies: Mapping[str, Tally]
     outcomes: Mapping[str, int]
     """Only those that occur, in their fixed order."""
+    families: Mapping[str, Tally]
+    """By the target's kind of shape; none for stores from before there were."""
+    families_by_policy: Mapping[str, Mapping[str, Tally]]
+    """By family, then by policy; only those that occur."""
     object_sets: Mapping[str, Tally]
     splits: Mapping[str, Tally]
     quality: Mapping[str, int]
     """How many episodes have each score, the best first; none for stores from before there were."""
+    annotated: int
+    """Rows of which people have said something."""
+    corrected: int
+    """Rows whose label people have corrected."""
+    tags: Mapping[str, int]
+    """How many rows have each tag, the most frequent first."""
     bytes: int
     """Of all files, but what a run that was killed has left of its last blocks."""
     bytes_per_episode: int | None
@@ -52,29 +70,37 @@ class StoreSummary:
 def summarise(dataset: Dataset) -> StoreSummary:
     """Count what a dataset holds."""
     columns = Columns.open(dataset.path)
-    scored = ("quality",) if "quality" in columns.names else ()
-    read = columns.read("status", "success", "outcome", "policy", "object_set", "split", *scored)
+    newer = [name for name in ("quality", "object_family") if name in columns.names]
+    read = columns.read("status", "success", "outcome", "policy", "object_set", "split", *newer)
     status = read["status"]
-    made = status == 1
-    success = read["success"][made]
-    outcomes = np.bincount(read["outcome"][made], minlength=len(Outcome))
-    total = _tally(success)
+    made = status == COMMITTED
+    kept = {name: values[made] for name, values in read.items()}
+    success: list[bool] = kept["success"].tolist()
+    policy, family = (kept[name].tolist() if name in kept else [] for name in _BALANCED)
+    outcomes = np.bincount(kept["outcome"], minlength=len(Outcome))
+    total = _tally(len(success), sum(success))
+    said = dataset.annotations.values()
     size = store_bytes(columns)
     return StoreSummary(
         path=str(dataset.path),
         episodes=len(dataset),
         committed=total.episodes,
-        quarantined=int(np.sum(status == 2)),
-        missing=int(np.sum(status == 0)),
+        quarantined=int(np.sum(status == QUARANTINED)),
+        missing=int(np.sum(status == MISSING)),
         successes=total.successes,
         success_rate=total.success_rate,
-        policies=_tallies(read["policy"][made], success),
+        policies=_tallies(policy, success),
         outcomes={
             word: int(count) for word, count in zip(names(Outcome), outcomes, strict=True) if count
         },
-        object_sets=_tallies(read["object_set"][made], success),
-        splits=_tallies(read["split"][made], success),
-        quality=_scores(read["quality"][made]) if scored else {},
+        families=_tallies(family, success),
+        families_by_policy=_nested(_tallies(list(zip(family, policy, strict=False)), success)),
+        object_sets=_tallies(kept["object_set"].tolist(), success),
+        splits=_tallies(kept["split"].tolist(), success),
+        quality=_scores(kept["quality"]) if "quality" in kept else {},
+        annotated=len(said),
+        corrected=sum(annotation.outcome is not None for annotation in said),
+        tags=tag_counts(said),
         bytes=size,
         bytes_per_episode=round(size / total.episodes) if total.episodes else None,
     )
@@ -93,9 +119,17 @@ def array_facts(dataset: Dataset) -> list[dict[str, Any]]:
     ]
 
 
-def _tallies(keys: NDArray[np.str_], success: NDArray[np.bool_]) -> dict[str, Tally]:
-    words = sorted(set(keys.tolist()))
-    return {word: _tally(success[keys == word]) for word in words}
+def _tallies(keys: Sequence[K], success: Sequence[bool]) -> dict[K, Tally]:
+    """Return a tally for each key among those of all episodes, in the keys' order."""
+    episodes, successes = Counter(keys), Counter(compress(keys, success))
+    return {key: _tally(episodes[key], successes[key]) for key in sorted(episodes)}
+
+
+def _nested(tallies: Mapping[tuple[str, str], Tally]) -> dict[str, dict[str, Tally]]:
+    out: dict[str, dict[str, Tally]] = {}
+    for (first, second), tally in tallies.items():
+        out.setdefault(first, {})[second] = tally
+    return out
 
 
 def _scores(quality: NDArray[np.uint8]) -> dict[str, int]:
@@ -103,7 +137,6 @@ def _scores(quality: NDArray[np.uint8]) -> dict[str, int]:
     return {str(s): int(n) for s, n in zip(scores[::-1], episodes[::-1], strict=True)}
 
 
-def _tally(success: NDArray[np.bool_]) -> Tally:
-    episodes, successes = len(success), int(success.sum())
+def _tally(episodes: int, successes: int) -> Tally:
     rate = round(successes / episodes, 4) if episodes else None
     return Tally(episodes=episodes, successes=successes, success_rate=rate)

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner, Result
 from fake_episodes import JOINTS, make_episode, make_rows, small_config
 
-from grasp_factory import painting, sheet
+from grasp_factory import painting, sheet, tiles
+from grasp_factory.cli import cli
 from grasp_factory.dataset import Dataset
 from grasp_factory.episode import Episode
 from grasp_factory.errors import StoreError, UnknownNameError, UsageError
 from grasp_factory.geometry import apply, inverse
 from grasp_factory.outcome import Label, Outcome
-from grasp_factory.sheet import choose_episodes, draw_sheet, sheet_of, write_png
+from grasp_factory.sheet import choose_episodes, chosen, draw_sheet, sheet_of, write_png
 from grasp_factory.writers.store import prepare_store
 from grasp_factory.writers.zarr import ZarrWriter
 
@@ -223,5 +226,186 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"the folder .* does not exist"):
         write_png(tmp_path / "no" / "s.png", image)
     (tmp_path / "d.png").mkdir()
-    with pytest.raises(StoreError, match=r"d\.png cannot be written"):
+    with pytest.raises(UsageError, match=r"d\.png is there and is not a PNG image"):
         write_png(tmp_path / "d.png", image)
+
+
+def test_a_disk_without_room_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fill(path: Path, data: bytes) -> int:
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", fill)
+    with pytest.raises(StoreError, match=r"s\.png cannot be written: No space left on device"):
+        write_png(tmp_path / "s.png", np.zeros((2, 2, 3), np.uint8))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_no_picture_is_not_written_over(tmp_path: Path) -> None:
+    path = tmp_path / "s.png"
+    path.write_text("mine")
+    with pytest.raises(UsageError, match="is there and is not a PNG image"):
+        write_png(path, np.zeros((2, 2, 3), np.uint8))
+    assert path.read_text() == "mine"
+
+
+def test_a_picture_that_is_there_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "s.png"
+    for grey in (0, 200):
+        write_png(path, np.full((2, 2, 3), grey, np.uint8))
+    assert (cv2.imread(str(path)) == 200).all()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Thirty rows, of which 2 and 9 are quarantined and 29 is missing."""
+    path = tmp_path_factory.mktemp("many") / "many.zarr"
+    prepare_store(path, CONFIG, JOINTS, 30, {})
+    for block in range(8):
+        rows = make_rows(CONFIG, block, 29, quarantined=(2, 9))
+        ZarrWriter(path).write_block(block, rows)
+    return Dataset.open(path)
+
+
+def test_a_sheet_shows_as_many_as_are_asked_for_of_both_classes(many: Dataset) -> None:
+    success = many.column("success")
+    assert 0 < success.sum() < 27
+    rows = chosen(many, None, 6, default=12, most=60)
+    assert len(rows) == 6
+    assert 0 < success[rows].sum() < 6
+    assert chosen(many, None, None, default=12, most=60) == chosen(
+        many, None, 12, default=1, most=60
+    )
+
+
+def test_a_selection_is_shown_in_its_order_and_whole(many: Dataset) -> None:
+    wanted = [7, 3, 3, 12]
+    assert chosen(many, wanted, None, default=2, most=4) == wanted
+    some = chosen(many, wanted, 2, default=12, most=4)
+    assert len(some) == 2
+    assert set(some) <= set(wanted)
+
+
+@pytest.mark.parametrize("n", [0, -1, 61])
+def test_a_number_that_makes_no_sheet_is_refused(many: Dataset, n: int) -> None:
+    with pytest.raises(UsageError, match=f"{n} episodes on a sheet: valid: 1 to 60"):
+        chosen(many, None, n, default=12, most=60)
+
+
+def test_a_selection_larger_than_a_sheet_is_refused_with_what_to_do(many: Dataset) -> None:
+    with pytest.raises(UsageError, match=r"5 episodes are more than the 4 of a sheet: --n 4"):
+        chosen(many, [0, 1, 3, 4, 5], None, default=2, most=4)
+
+
+class TestTiles:
+    HEIGHT = round(tiles.PANEL * 24 / 32)
+
+    def tile(self, image: np.ndarray, place: int, across: int) -> np.ndarray:
+        row, column = divmod(place, across)
+        top = tiles.HEADER + tiles.GAP + row * (self.HEIGHT + tiles.CAPTION + tiles.GAP)
+        left = tiles.GAP + column * (tiles.WIDTH + tiles.GAP)
+        return image[top : top + self.HEIGHT + tiles.CAPTION, left : left + tiles.WIDTH]
+
+    def test_each_episode_has_its_tile_before_left_of_after(self, many: Dataset) -> None:
+        image = tiles.tiles_of(many, [4, 0, 11], "front", across=2)
+        for place, row in enumerate([4, 0, 11]):
+            tile = self.tile(image, place, 2)
+            halves = tile[: self.HEIGHT, : tiles.PANEL], tile[: self.HEIGHT, -tiles.PANEL :]
+            for half, rgb in zip(halves, many[row].cameras["front"].rgb, strict=True):
+                size = (tiles.PANEL, self.HEIGHT)
+                want = cv2.resize(
+                    np.ascontiguousarray(rgb[..., ::-1]), size, interpolation=cv2.INTER_CUBIC
+                )
+                assert np.array_equal(half, want)
+        empty = self.tile(image, 3, 2)
+        assert (empty == painting.PAPER).all()
+
+    def test_the_strip_is_green_for_success_and_red_for_anything_else(self, many: Dataset) -> None:
+        success = many.column("success")
+        rows = [int(np.flatnonzero(success)[0]), int(many.where(success=False)[0])]
+        image = tiles.tiles_of(many, rows, "front", across=2)
+        for place, color in enumerate((painting.GREEN, painting.RED)):
+            strip = self.tile(image, place, 2)[self.HEIGHT]
+            assert (strip == color).all()
+
+    def test_a_quarantined_episode_has_a_tile_without_images(self, many: Dataset) -> None:
+        image = tiles.tiles_of(many, [1, 2], "front", across=2)
+        assert (self.tile(image, 1, 2)[: self.HEIGHT] == painting.NOTHING).all()
+        assert not (self.tile(image, 0, 2)[: self.HEIGHT] == painting.NOTHING).all()
+
+    def test_without_a_choice_there_are_those_that_are_committed(self, many: Dataset) -> None:
+        every = tiles.tiles_of(many, None, "front", across=9)
+        assert np.array_equal(
+            every, tiles.tiles_of(many, many.committed.tolist(), "front", across=9)
+        )
+        assert (
+            every.shape[0]
+            == tiles.HEADER + 3 * (self.HEIGHT + tiles.CAPTION + tiles.GAP) + tiles.GAP
+        )
+
+    @pytest.mark.parametrize("n", [1, 7, 27])
+    def test_a_sheet_is_about_as_wide_as_high(self, many: Dataset, n: int) -> None:
+        height, width = tiles.tiles_of(many, many.committed[:n].tolist(), "front").shape[:2]
+        assert 0.6 < width / height < 2.6
+
+    def test_more_than_are_read_at_once_keep_their_places(
+        self, many: Dataset, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        rows = [5, 2, 28, 0, 9, 17, 3]
+        whole = tiles.tiles_of(many, rows, "front")
+        monkeypatch.setattr(tiles, "TOGETHER", 2)
+        assert np.array_equal(tiles.tiles_of(many, rows, "front"), whole)
+
+    def test_asking_for_what_cannot_be_drawn_says_why(self, many: Dataset) -> None:
+        with pytest.raises(StoreError, match="episode 29 is missing"):
+            tiles.tiles_of(many, [29], "front")
+        with pytest.raises(UsageError, match=r"episode 30: .* has episodes 0 to 29"):
+            tiles.tiles_of(many, [30], "front")
+        with pytest.raises(UnknownNameError, match="unknown camera 'frnt'"):
+            tiles.tiles_of(many, [0], "frnt")
+        with pytest.raises(UsageError, match="no episode to draw"):
+            tiles.tiles_of(many, [], "front")
+        with pytest.raises(UsageError, match="0 tiles side by side: valid: 1 to"):
+            tiles.tiles_of(many, [0], "front", across=0)
+
+    def test_a_word_that_is_no_ascii_is_drawn_with_question_marks(self) -> None:
+        strips = [
+            tiles._strip(painting.RED, "success", "#1", text) for text in ("a?b", "aüb", "ab")
+        ]
+        assert np.array_equal(strips[0], strips[1])
+        assert not np.array_equal(strips[0], strips[2])
+
+
+def run(*args: object) -> Result:
+    return CliRunner().invoke(cli, [str(arg) for arg in args], standalone_mode=False)
+
+
+class TestCommand:
+    def test_tiles_are_written(self, many: Dataset, tmp_path: Path) -> None:
+        out = tmp_path / "t.png"
+        result = run("sheet", many.path, out, "--tiles", "--n", 4, "--columns", 2)
+        assert result.output == f"{out}\n"
+        rows = chosen(many, None, 4, default=1, most=60)
+        want = tiles.tiles_of(many, rows, "front", across=2)
+        assert np.array_equal(cv2.imread(str(out)), want)
+
+    def test_a_selection_from_a_file_is_drawn(self, many: Dataset, tmp_path: Path) -> None:
+        ids, out = tmp_path / "ids.txt", tmp_path / "s.png"
+        ids.write_text("3\n1\n")
+        assert run("sheet", many.path, out, "--ids", ids).exception is None
+        assert np.array_equal(cv2.imread(str(out)), sheet_of(many, [3, 1], "front"))
+
+    def test_options_that_do_not_go_together_are_refused(
+        self, many: Dataset, tmp_path: Path
+    ) -> None:
+        ids = tmp_path / "ids.txt"
+        ids.write_text("3\n")
+        both = ["--ids", ids, "--episodes", 1]
+        for options, words in ((both, "valid: one of them"), (["--columns", 3], "--tiles")):
+            result = run("sheet", many.path, tmp_path / "s.png", *options)
+            assert isinstance(result.exception, UsageError)
+            assert words in str(result.exception)
+        assert not (tmp_path / "s.png").exists()

@@ -1,0 +1,148 @@
+"""An attempt's series as curves for people: in groups with units, over one clock, with phases."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.geometry import Array
+from grasp_factory.labels import target_com
+from grasp_factory.outcome import Phase, names
+from grasp_factory.signals.touch import contact_values
+
+Series = Mapping[str, NDArray[Any]]
+
+PADS = ("left", "right")
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CurveGroup:
+    """Curves that share an axis."""
+
+    key: str
+    title: str
+    units: str
+    clock: str
+    """Whose times they have: ``streams`` or ``imu``."""
+    names: tuple[str, ...]
+    """One for each curve."""
+    values: NDArray[Any]
+    """(n, curves), n records of the streams or samples of the IMU."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhaseSpan:
+    """A stretch of records of one phase."""
+
+    name: str
+    start: float
+    """Time of its first record, seconds."""
+    end: float
+    """Time of the next phase's first record; of its own last one where none follows."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """A record worth looking at."""
+
+    name: str
+    record: int
+
+
+def curve_groups(
+    streams: Series, imu: Series, object_com: Array, rest_height: float
+) -> tuple[CurveGroup, ...]:
+    """Return what an attempt recorded, group by group, always in the same order.
+
+    A group whose arrays are not there is left out: stores of older versions lack some.
+
+    Args:
+        streams: ``Episode.streams``.
+        imu: ``Episode.imu``.
+        object_com: The target's centre of mass in its own frame, (3,) metres.
+        rest_height: Height of the centre of mass before the attempt, metres.
+    """
+    found: list[CurveGroup] = []
+
+    def add(key: str, title: str, units: str, words: tuple[str, ...], *columns: Any) -> None:
+        clock = "imu" if key.startswith("imu_") else "streams"
+        values = np.column_stack(columns) if columns[0].ndim == 1 else columns[0]
+        found.append(
+            CurveGroup(key=key, title=title, units=units, clock=clock, names=words, values=values)
+        )
+
+    for key, units in (("positions", "rad"), ("velocities", "rad/s"), ("torques", "N m")):
+        if f"joint_{key}" in streams:
+            values = streams[f"joint_{key}"]
+            joints = tuple(f"joint {i + 1}" for i in range(values.shape[1]))
+            add(f"joint_{key}", f"joint {key}", units, joints, values)
+    if {"gripper_width", "gripper_width_target"} <= set(streams):
+        width, target = streams["gripper_width"], streams["gripper_width_target"]
+        add("gripper_width", "gripper width", "m", ("measured", "target"), width, target)
+    if "gripper_force" in streams:
+        add("gripper_force", "gripper force", "N", ("motor",), streams["gripper_force"])
+    if {"tactile_force", "tactile_normal"} <= set(streams):
+        add("pad_force", "pad normal force", "N", PADS, pad_forces(streams))
+    if "wrist_wrench" in streams:
+        wrench = streams["wrist_wrench"]
+        add("wrist_force", "wrist force", "N", AXES, wrench[:, :3])
+        add("wrist_torque", "wrist torque", "N m", AXES, wrench[:, 3:])
+    if "specific_force" in imu:
+        add("imu_specific_force", "IMU specific force", "m/s2", AXES, imu["specific_force"])
+    if "angular_velocity" in imu:
+        add("imu_angular_velocity", "IMU angular velocity", "rad/s", AXES, imu["angular_velocity"])
+    if "object_pose" in streams:
+        height = target_com(streams, object_com)[:, 2] - rest_height
+        add("object_height", "target above its rest", "m", ("centre of mass",), height)
+    return tuple(found)
+
+
+def pad_forces(streams: Series) -> Array:
+    """Return the normal force on each pad over time, whatever it touches, (n, 2) newtons."""
+    return np.asarray(contact_values(streams).sum(axis=2))
+
+
+def phase_spans(streams: Series) -> tuple[PhaseSpan, ...]:
+    """Return the stretches of records of one phase, in order; none without records."""
+    phase, times = streams["phase"], streams["timestamp"]
+    if not len(phase):
+        return ()
+    starts = [0, *(np.flatnonzero(np.diff(phase.astype(int))) + 1).tolist()]
+    words = names(Phase)
+    return tuple(
+        PhaseSpan(
+            name=words[int(phase[start])] if int(phase[start]) < len(words) else "unknown",
+            start=float(times[start]),
+            end=float(times[min(stop, len(times) - 1)]),
+        )
+        for start, stop in zip(starts, [*starts[1:], len(phase)], strict=True)
+    )
+
+
+def touch_moments(streams: Series) -> tuple[Moment, ...]:
+    """Return up to three records at which to look at the pads, in order of time.
+
+    They are the end of the closing, the largest force on both pads together, and the end of the
+    hold (or of the attempt); those at which nothing touches, and repeated ones, are left out.
+    """
+    force = pad_forces(streams).sum(axis=1)
+    if not (force > 0.0).any():
+        return ()
+    phase = streams["phase"]
+    wanted = {int(np.argmax(force)): "largest force"}
+    for part, name in ((Phase.CLOSE, "end of closing"), (Phase.HOLD, "end of hold")):
+        records = np.flatnonzero(phase == part)
+        if len(records):
+            wanted.setdefault(int(records[-1]), name)
+    if Phase.HOLD not in phase:
+        wanted.setdefault(len(force) - 1, "end")
+    return tuple(
+        Moment(name=name, record=record)
+        for record, name in sorted(wanted.items())
+        if force[record] > 0.0
+    )

@@ -1,0 +1,56 @@
+"""An attempt in one picture: its curves on one time axis, its images, its touch."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import numpy as np
+
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import UsageError, lookup
+from grasp_factory.painting import Image
+
+SIZE = (1600, 1200)
+"""Pixels of a picture, width and height; letters and lines are made for this."""
+SMALLEST, LARGEST = 600, 8000
+"""Pixels that a side may have."""
+
+
+def plot_episode(
+    dataset: Dataset, index: int, camera: str | None = None, size: tuple[int, int] = SIZE
+) -> Image:
+    """Return the picture of an episode, BGR, with width and height ``size``.
+
+    Args:
+        dataset: Where it is.
+        index: Of the episode.
+        camera: Whose images stand at the side; None for the first.
+        size: Letters and lines grow with the side that has less room.
+
+    Raises:
+        UsageError: for an index or a size that is not valid, or without matplotlib.
+        UnknownNameError: for a camera that the store does not have.
+        StoreError: for an episode that is missing or quarantined.
+    """
+    if find_spec("matplotlib") is None:
+        raise UsageError("this needs matplotlib, not installed: pip install 'grasp-factory[plot]'")
+    if not all(SMALLEST <= side <= LARGEST for side in size):
+        shown = f"{size[0]}x{size[1]}"
+        raise UsageError(f"size {shown}: valid: sides of {SMALLEST} to {LARGEST} pixels")
+    if not 0 <= index < len(dataset):
+        raise UsageError(f"episode {index}: {dataset.path} has episodes 0 to {len(dataset) - 1}")
+    camera = next(iter(dataset.config.cameras)) if camera is None else camera
+    lookup(dataset.config.cameras, "camera", camera)
+    from grasp_factory.plot.figure import Subject, figure_of, pixels_of
+
+    subject = Subject(
+        store=dataset.path.name,
+        row=index,
+        episode=dataset[index],
+        camera=camera,
+        pad_size=dataset.attributes.get("robot", {}).get("pad_size"),
+        maker=str(dataset.attributes.get("versions", {}).get("grasp_factory", "")),
+    )
+    return np.ascontiguousarray(pixels_of(figure_of(subject, size))[..., ::-1])

@@ -1,0 +1,110 @@
+"""What a store holds, as tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from grasp_factory.report_words import bar, count, percent, size_text, table
+from grasp_factory.summary import StoreSummary, Tally
+
+GROUPS = ("policy", "outcome", "object family", "object set", "split", "tag")
+"""Tables that there are of a store."""
+MOST_ROWS = 20
+"""Families and tags that are listed."""
+BAR = 40
+"""Letters of a bar for all episodes."""
+
+
+def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
+    """Return a store's counts.
+
+    Args:
+        store: What to tell about.
+        groups: Of ``GROUPS``, in order. A store that does not know one goes without its table.
+    """
+    head = [
+        f"{store.path}: {count(store.committed, 'episode')}, {percent(store.success_rate)} success,"
+        f" {size_text(store.bytes)}"
+    ]
+    if store.bytes_per_episode:
+        head[0] += f" ({size_text(store.bytes_per_episode)} each)"
+    if store.missing:
+        head.append(f"{store.missing} of {store.episodes} are missing: run generate again")
+    if store.quarantined:
+        head.append(f"{store.quarantined} of {store.episodes} are quarantined")
+    if store.quality:
+        scores = ", ".join(f"{n} with {score}" for score, n in store.quality.items())
+        head.append(f"quality, 5 the best: {scores}")
+    if store.annotated:
+        corrected = f", {store.corrected} with a corrected label" if store.corrected else ""
+        head.append(f"{count(store.annotated, 'row')} annotated by people{corrected}")
+    tables = {
+        "policy": _tally_table("policy", store.policies),
+        "outcome": _outcome_table(store),
+        "object family": _family_table(store),
+        "object set": _tally_table("object set", store.object_sets),
+        "split": _tally_table("split", store.splits),
+        "tag": _tag_table(store.tags),
+    }
+    return "\n\n".join(["\n".join(head), *(tables[g] for g in groups if tables[g])])
+
+
+def arrays_text(facts: Iterable[Mapping[str, Any]]) -> str:
+    """Return the arrays of a store as a table."""
+    rows = [
+        (f["path"], " x ".join(map(str, f["shape"])), f["dtype"], f["units"] or "-") for f in facts
+    ]
+    return table([("array", "shape", "dtype", "unit"), *rows])
+
+
+def _tally_table(title: str, tallies: Mapping[str, Tally]) -> str:
+    rows = [(key, t.episodes, percent(t.success_rate)) for key, t in tallies.items()]
+    return table([(title, "episodes", "success"), *rows], right=(1, 2))
+
+
+def _outcome_table(store: StoreSummary) -> str:
+    rows: list[tuple[object, ...]] = [
+        (word, number, percent(number / store.committed), bar(number / store.committed, BAR))
+        for word, number in store.outcomes.items()
+    ]
+    if store.quarantined:
+        rows.append(("quarantined", store.quarantined, "", ""))
+    return table([("outcome", "episodes", "share", ""), *rows], right=(1, 2))
+
+
+def _family_table(store: StoreSummary) -> str:
+    """Return the families of objects, those with the most episodes first, policy by policy."""
+    if not store.families:
+        return ""
+    policies = list(store.policies) if len(store.policies) > 1 else []
+    ordered = sorted(store.families.items(), key=lambda item: (-item[1].episodes, item[0]))
+    digits = len(str(store.committed))
+    rows = [
+        (family, tally.episodes, percent(tally.success_rate),
+         *(_cell(store.families_by_policy[family].get(policy), digits) for policy in policies))
+        for family, tally in ordered[:MOST_ROWS]
+    ]  # fmt: skip
+    text = table(
+        [("object family", "episodes", "success", *policies), *rows],
+        right=range(1, 3 + len(policies)),
+    )
+    more = [tally for _, tally in ordered[MOST_ROWS:]]
+    if not more:
+        return text
+    episodes, successes = sum(t.episodes for t in more), sum(t.successes for t in more)
+    rest = f"and {len(more)} more: {count(episodes, 'episode')}, {percent(successes / episodes)}"
+    return f"{text}\n{rest} success (--json has them all)"
+
+
+def _tag_table(tags: Mapping[str, int]) -> str:
+    if not tags:
+        return ""
+    text = table([("tag", "rows"), *list(tags.items())[:MOST_ROWS]], right=(1,))
+    more = len(tags) - MOST_ROWS
+    return text if more <= 0 else f"{text}\nand {more} more (--json has them all)"
+
+
+def _cell(tally: Tally | None, digits: int) -> str:
+    """Return episodes and success of a family with a policy."""
+    return f"{tally.episodes:>{digits}} {percent(tally.success_rate):>7}" if tally else "-"

@@ -1,0 +1,53 @@
+"""Tables, numbers, rates, sizes and times as people read them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+
+def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
+    """Return rows as aligned columns; those whose position is in ``right`` are right-aligned."""
+    cells = [[str(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    flush = set(right)
+    lines = [
+        "  ".join(
+            cell.rjust(width) if i in flush else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+    return "\n".join(lines)
+
+
+def bar(share: float, width: int) -> str:
+    """Return a bar for a share of 1, which is ``width`` long; what is there at all is seen."""
+    return "#" * max(1, round(share * width)) if share > 0.0 else ""
+
+
+def count(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural unless it is one."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def percent(rate: float | None) -> str:
+    """Return a rate in per cent, or a dash for none."""
+    return "-" if rate is None else f"{100 * rate:.1f} %"
+
+
+def size_text(size: float) -> str:
+    """Return bytes in a readable unit, with powers of 1000."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if size < 1000:
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
+        size /= 1000
+    return f"{size:.1f} TB"
+
+
+def duration_text(seconds: float) -> str:
+    """Return a time in a readable unit."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 2 * 3600:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h" if seconds < 48 * 3600 else f"{seconds / 86400:.1f} days"

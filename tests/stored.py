@@ -1,0 +1,48 @@
+"""Small stores that several tests look at: shipped, simulated once for all, or quarantined."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from fake_episodes import JOINTS, make_rows, small_config
+
+from grasp_factory.cameras import CAMERAS
+from grasp_factory.config import FactoryConfig
+from grasp_factory.factory import generate
+from grasp_factory.records import to_plain
+from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr import ZarrWriter
+
+TINY = Path(__file__).parents[1] / "data_samples" / "tiny.zarr"
+
+
+@cache
+def varied() -> Path:
+    """Return a store of another robot, with clutter, a camera on the hand, and videos."""
+    plain = {
+        "seed": 3,
+        "resolution": [96, 72],
+        "block_size": 4,
+        "robot": "panda",
+        "policies": {"top_down": 1.0},
+        "object_sets": {"classic": 1.0, "procedural": 1.0},
+        "cameras": {name: to_plain(CAMERAS[name].config) for name in ("front", "wrist")},
+        "clutter": {"count": 2},
+        "video_hz": 10,
+    }
+    folder = Path(tempfile.mkdtemp())
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    generate(FactoryConfig.from_plain(plain), 2, folder / "varied.zarr", workers=1)
+    return folder / "varied.zarr"
+
+
+def with_a_quarantined_row(path: Path) -> Path:
+    """Write a store there whose episode 1 is quarantined, and return where it is."""
+    config = small_config()
+    prepare_store(path, config, JOINTS, 4, {})
+    ZarrWriter(path).write_block(0, make_rows(config, 0, 4, quarantined=(1,)))
+    return path
