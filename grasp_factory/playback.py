@@ -1,0 +1,282 @@
+"""Playing back a stored attempt: its recorded motion, seen by any camera, frame by frame.
+
+Nothing is simulated. The robot takes the joint positions and the gripper width of the records, the
+objects their poses, so what is seen is what is stored, whatever machine or version made it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from grasp_factory import carried, painting
+from grasp_factory.camera import Camera
+from grasp_factory.cameras import CAMERAS
+from grasp_factory.dataset import Dataset
+from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.errors import UsageError, lookup
+from grasp_factory.geometry import Pose
+from grasp_factory.painting import Image
+from grasp_factory.scene import Scene, build_scene, look
+from grasp_factory.sections import CameraConfig
+from grasp_factory.sensors import Render
+from grasp_factory.track import Track, phase_at
+from grasp_factory.videofile import check_video, nearest_fps, video_file
+from grasp_factory.world.posed import PosedWorld
+
+CAPTION = 28
+"""Pixels below each frame for the caption."""
+END_S = 1.0
+"""Seconds for which the last frame stays: of an attempt that ended before the arm moved, all."""
+MOST_FRAMES = 20_000
+FREE_CAMERA_FOV_DEG = 36.0
+CLOSEST = 0.001
+"""Metres between such a camera and what it looks at."""
+STEEP = 0.01
+"""Horizontal share of a view below which away from the robot is up, not the sky."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pace:
+    """How time passes in a video."""
+
+    fps: float = 25.0
+    """Frames per second."""
+    speed: float = 1.0
+    """Seconds of the attempt in a second of the video."""
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("fps", 1.0, 240.0), ("speed", 0.001, 100.0)):
+            value = getattr(self, name)
+            if not low <= value <= high:  # NaN as well
+                raise UsageError(f"--{name} {value:g}: valid: {low:g} to {high:g}")
+
+    def times(self, duration: float) -> list[float]:
+        """Return the attempt's time (s) at each frame; at the end, for ``END_S``, it stands still.
+
+        Raises:
+            UsageError: if they are more than ``MOST_FRAMES``.
+        """
+        step = self.speed / self.fps
+        moving, still = math.ceil(duration / step), max(1, round(END_S * self.fps))
+        if moving + still > MOST_FRAMES:
+            raise UsageError(
+                f"{moving + still} frames: valid: up to {MOST_FRAMES}; take a smaller --fps or a"
+                " greater --speed"
+            )
+        return [*(i * step for i in range(moving)), *[duration] * still]
+
+
+def stored_or_named_camera(spec: EpisodeSpec, name: str | None) -> CameraConfig:
+    """Return one of an episode's own cameras, else one of ``CAMERAS``; None for its first.
+
+    Raises:
+        UnknownNameError: naming all of them.
+    """
+    if name is None:
+        return next(iter(spec.cameras.values()))
+    named = {key: camera.config for key, camera in CAMERAS.items()}
+    return lookup({**named, **spec.cameras}, "camera", name)
+
+
+def free_camera(
+    eye: tuple[float, float, float], target: tuple[float, float, float]
+) -> CameraConfig:
+    """Return a camera that stands anywhere in the world, metres.
+
+    Raises:
+        UsageError: for a place that is too far away, or no direction.
+    """
+    view = np.subtract(target, eye)
+    away = float(np.linalg.norm(view))
+    if away < CLOSEST:
+        raise UsageError(f"--eye and --target are the same place: got {eye} and {target}")
+    is_steep = np.linalg.norm(view[:2]) < STEEP * away
+    return CameraConfig(
+        eye=eye,
+        target=target,
+        up=(1.0, 0.0, 0.0) if is_steep else (0.0, 0.0, 1.0),
+        fov_y_deg=FREE_CAMERA_FOV_DEG,
+        near=0.05,
+        far=min(max(4.0, 2.0 * away + 4.0), 100.0),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """How an attempt is shown."""
+
+    camera: str | None = None
+    """One of the episode's, or of ``CAMERAS``; None for the episode's first."""
+    place: CameraConfig | None = None
+    """A camera of one's own, in place of those."""
+    resolution: tuple[int, int] | None = None
+    """Width and height, pixels; None for that of the episode's images."""
+    pace: Pace = Pace()
+    caption: bool = True
+    """Whether there is a strip with outcome, time and phase below each frame."""
+
+    def __post_init__(self) -> None:
+        if self.place is not None and self.camera is not None:
+            raise UsageError("a place (--eye, --target) and a --camera: give one of them")
+        if self.resolution and not all(16 <= side <= 4096 for side in self.resolution):
+            width, height = self.resolution
+            raise UsageError(f"--resolution {width}x{height}: valid: 16 to 4096 pixels a side")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VideoPlan:
+    """A video that can be made."""
+
+    dataset: Dataset
+    episode: Episode
+    out: Path
+    camera: CameraConfig
+    resolution: tuple[int, int]
+    """Of what the camera sees."""
+    caption: bool
+    pace: Pace
+    times: tuple[float, ...]
+    """The attempt's at each frame, s."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a frame, pixels, with its caption."""
+        return self.resolution[0], self.resolution[1] + CAPTION * self.caption
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Video:
+    """A video that was written."""
+
+    path: str
+    frames: int
+    fps: float
+    size: tuple[int, int]
+    """Width and height, pixels, with the caption."""
+
+
+class Playback:
+    """One attempt in a posed world, seen by one camera."""
+
+    def __init__(
+        self,
+        world: PosedWorld,
+        episode: Episode,
+        camera: CameraConfig,
+        resolution: tuple[int, int],
+    ) -> None:
+        """Build the scene.
+
+        Raises:
+            RecipeError: if an object cannot be loaded.
+            UnknownNameError: if the recipe names what the tables do not have.
+        """
+        self._episode = episode
+        self.track = Track.of(episode)
+        seen_by = {"view": camera}
+        spec = dataclasses.replace(episode.spec, cameras=seen_by, resolution=resolution)
+        self._world = world
+        self._scene: Scene = build_scene(world, spec)
+
+    def render(self, time: float) -> tuple[Camera, Render]:
+        """Return what the camera sees at a time (s) since the arm started, and its place then."""
+        posture, robot = self.track.at(time), self._scene.robot
+        self._world.place_joints(robot.body, robot.arm, posture.joint_positions.tolist())
+        self._world.place_joints(robot.body, robot.fingers, [posture.gripper_width / 2.0] * 2)
+        for body, (x, y, z, *quat) in zip(self._scene.objects, posture.objects, strict=True):
+            i, j, k, w = quat
+            self._world.place_body(body, Pose((x, y, z), (i, j, k, w)))
+        return look(self._scene)["view"]
+
+    def frames(self, times: Iterable[float]) -> Iterator[tuple[float, Image]]:
+        """Yield time (s) and picture, BGR, of every frame; one that stands still is drawn once."""
+        shown: tuple[float, Image] | None = None
+        for time in times:
+            if shown is None or shown[0] != time:
+                rgb = self.render(time)[1].rgb
+                shown = time, np.ascontiguousarray(rgb[..., ::-1])
+            yield shown
+
+
+def captioned(image: Image, episode: Episode, time: float, speed: float) -> Image:
+    """Return a frame with a strip below: outcome, time, phase, and what is grasped.
+
+    What does not fit is cut off at the right.
+    """
+    strip: Image = np.full((CAPTION, image.shape[1], 3), painting.PAPER, np.uint8)
+    middle, color = CAPTION // 2, painting.GREEN if episode.success else painting.RED
+    word = episode.outcome.name.lower().replace("_", " ")
+    x = 4 + painting.put_badge(strip, word, (4, middle), color, height=18) + 10
+    pace = "" if speed == 1.0 else f" x{speed:g}"
+    for text, width in (
+        (f"{time:5.2f} s{pace}", 64 + 9 * len(pace)),
+        (phase_at(episode, time), 84),
+        (f"#{episode.spec.index} {episode.spec.objects[0].object_id}", 0),
+    ):
+        plain = text.encode("ascii", "replace").decode()
+        painting.put_text(strip, plain, (x, middle), height=11)
+        x += width
+    return np.vstack([image, strip])
+
+
+def plan_video(dataset: Dataset, index: int, out: Path, view: View) -> VideoPlan:
+    """Check that a stored attempt can be shown like this, and return what there is to do.
+
+    Args:
+        dataset: Where it is.
+        index: Of the episode, which the store has.
+        out: Ends in .mp4 or .gif; a video that is there is replaced.
+        view: How it is seen.
+
+    Raises:
+        UsageError: for a quarantined episode, or a video that cannot be.
+        StoreError: if the episode cannot be read.
+    """
+    if dataset.status[index] == 2:
+        raise UsageError(
+            f"episode {index} is quarantined, there is no attempt to show:"
+            f" {dataset.column('error')[index]}"
+        )
+    pace = dataclasses.replace(view.pace, fps=nearest_fps(out, view.pace.fps))
+    episode = dataset[index]
+    plan = VideoPlan(
+        dataset=dataset,
+        episode=episode,
+        out=out,
+        camera=view.place or stored_or_named_camera(episode.spec, view.camera),
+        resolution=view.resolution or episode.spec.resolution,
+        caption=view.caption,
+        pace=pace,
+        times=tuple(pace.times(Track.of(episode).duration)),
+    )
+    check_video(out, plan.size, pace.fps, len(plan.times))
+    return plan
+
+
+def write_video(plan: VideoPlan, on_frame: Callable[[], None] = lambda: None) -> Video:
+    """Write the video of a stored attempt, calling ``on_frame`` after each of its frames.
+
+    Raises:
+        StoreError: if it cannot be written, or what the store carries is damaged.
+        RecipeError: if an object of the episode cannot be loaded.
+    """
+    carried.unpack(plan.dataset.path, plan.dataset.config)
+    fps, frames = plan.pace.fps, len(plan.times)
+    with (
+        video_file(plan.out, plan.size, fps, frames) as sink,
+        PosedWorld(plan.dataset.config.renderer) as world,
+    ):
+        playback = Playback(world, plan.episode, plan.camera, plan.resolution)
+        for time, image in playback.frames(plan.times):
+            if plan.caption:
+                sink.add(captioned(image, plan.episode, time, plan.pace.speed))
+            else:
+                sink.add(image)
+            on_frame()
+    return Video(path=str(plan.out), frames=frames, fps=fps, size=plan.size)

@@ -1,0 +1,85 @@
+"""The Rerun SDK itself: whether it is there, what its files are called, and its viewer."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from subprocess import DEVNULL
+
+from grasp_factory.errors import GraspFactoryError, UsageError
+from grasp_factory.outfile import FileKind
+
+_FORCES_STATISTICS = {"FORCE_RERUN_ANALYTICS"}
+
+RRD = FileKind(what="a Rerun recording", suffix=".rrd", magic=b"RRF")
+
+
+def require_rerun() -> None:
+    """Check that the Rerun SDK is there.
+
+    Raises:
+        UsageError: if it is not, with how to install it.
+    """
+    if find_spec("rerun") is None:
+        raise UsageError("this needs rerun, not installed: pip install 'grasp-factory[rerun]'")
+
+
+def default_file(store: Path, index: int) -> Path:
+    """Return the name, in the current folder, of an episode's recording."""
+    return Path(f"{store.resolve().name.removesuffix('.zarr')}-{index}.rrd")
+
+
+def open_viewer(file: Path) -> None:
+    """Show a recording in the Rerun viewer and wait until its window is closed.
+
+    The viewer gets empty folders for its settings, in which its usage statistics are off: it would
+    send them otherwise. The user's own settings are neither read nor written.
+
+    Raises:
+        UsageError: if the SDK is not there.
+        GraspFactoryError: if the viewer cannot run here.
+    """
+    with tempfile.TemporaryDirectory() as home, contextlib.suppress(KeyboardInterrupt):
+        quiet = viewer_environment(Path(home))
+        _run(quiet, "analytics", "disable", stdout=DEVNULL, stderr=DEVNULL)
+        try:
+            _run(quiet, "--bind", "127.0.0.1", "--port", "auto", str(file.absolute()))
+        except GraspFactoryError as error:
+            raise GraspFactoryError(
+                f"{error}: it needs a screen and Vulkan or OpenGL; {file} is written, open it"
+                f" elsewhere with: rerun {file}"
+            ) from None
+
+
+def viewer_environment(home: Path) -> dict[str, str]:
+    """Return the environment in which the viewer keeps all that it keeps below a folder."""
+    kept = {key: value for key, value in os.environ.items() if key not in _FORCES_STATISTICS}
+    places = {f"XDG_{kind}_HOME": str(home / kind.lower()) for kind in ("CONFIG", "DATA", "CACHE")}
+    return {**kept, **places}
+
+
+def viewer() -> Path:
+    """Return the viewer's program.
+
+    Raises:
+        UsageError: if the SDK is not there.
+    """
+    require_rerun()
+    spec = find_spec("rerun_cli")
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin).with_name("rerun")
+
+
+def _run(environment: Mapping[str, str], *arguments: str, **streams: int) -> None:
+    try:
+        done = subprocess.run([viewer(), *arguments], env=environment, check=False, **streams)  # type: ignore[call-overload]
+    except OSError as error:
+        raise GraspFactoryError(f"the Rerun viewer cannot run: {error.strerror}") from None
+    if done.returncode:
+        raise GraspFactoryError(f"the Rerun viewer ended with {done.returncode}")

@@ -1,0 +1,71 @@
+"""What moves: the robot by its joints, and the objects, as they were recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import rerun as rr
+
+from grasp_factory.episode import Episode, ObjectSpec
+from grasp_factory.errors import lookup
+from grasp_factory.geometry import Array
+from grasp_factory.objects import UrdfFile, find_set, visual_parts
+from grasp_factory.outcome import Label, label_names
+from grasp_factory.recordings.clock import poses, seconds
+from grasp_factory.recordings.urdf import log_urdf
+from grasp_factory.robots import ROBOTS
+from grasp_factory.track import Track
+from grasp_factory.world import DATA
+
+ROBOT = "robot"
+OBJECTS = "world/objects"
+
+
+def log_robot(recording: rr.RecordingStream, robot: str, track: Track, folder: Path) -> None:
+    """Log a robot from its URDF, with the motion of its joints."""
+    model = lookup(ROBOTS, "robot", robot)
+    tree = log_urdf(recording, model.path(), folder, ROBOT)
+    root = rr.Transform3D(parent_frame="tf#/", child_frame=f"{ROBOT}/{model.base_link}")
+    recording.log(f"{ROBOT}/base", root, static=True)
+    half = track.gripper_width / 2.0
+    values: dict[str, Array] = dict(zip(model.finger_joints, (half, half), strict=True))
+    values |= dict(zip(model.arm_joints, track.joint_positions.T, strict=True))
+    for name, positions in values.items():
+        joint = tree.get_joint_by_name(name)
+        assert joint is not None
+        columns = joint.compute_transform_columns(positions.tolist(), clamp=False)
+        recording.send_columns(f"{ROBOT}/joints/{name}", [seconds(track.timestamp)], columns)
+
+
+def log_objects(
+    recording: rr.RecordingStream, episode: Episode, track: Track, folder: Path
+) -> None:
+    """Log every object's shape and motion, under its word in the segmentation."""
+    words = label_names(len(episode.spec.objects))[Label.TARGET :]
+    for m, (word, recipe) in enumerate(zip(words, episode.spec.objects, strict=True)):
+        entity = f"{OBJECTS}/{word}"
+        recording.send_columns(entity, [seconds(track.timestamp)], poses(track.objects[:, m]))
+        _log_shape(recording, recipe, word, folder)
+
+
+def _log_shape(recording: rr.RecordingStream, recipe: ObjectSpec, word: str, folder: Path) -> None:
+    model = find_set(recipe.object_set, recipe.folder_sha256).model(recipe.object_id)
+    color, entity = recipe.color or model.color, f"{OBJECTS}/{word}"
+    if isinstance(model.body, UrdfFile):
+        tree = log_urdf(recording, DATA / model.body.path, folder, word, color)
+        placed = rr.Transform3D(
+            scale=model.body.scale * recipe.scale,
+            parent_frame=f"tf#/{entity}",
+            child_frame=f"{word}/{tree.root_link().name}",
+        )
+        recording.log(f"{word}/base", placed, static=True)
+        return
+    paint = None if color is None else [round(255 * value) for value in color]
+    for i, part in enumerate(visual_parts(model.body)):
+        placed = rr.Transform3D(
+            translation=[recipe.scale * v for v in part.pose.position],
+            quaternion=rr.Quaternion(xyzw=part.pose.quat_xyzw),
+            scale=[recipe.scale * v for v in part.size],
+        )
+        mesh = rr.Asset3D(path=part.shape, albedo_factor=paint)
+        recording.log(f"{entity}/part_{i}", placed, mesh, static=True)

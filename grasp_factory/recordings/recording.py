@@ -1,0 +1,78 @@
+"""Putting a stored attempt into a Rerun recording."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import rerun as rr
+
+from grasp_factory import carried
+from grasp_factory.curves import curve_groups, phase_spans
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import UsageError
+from grasp_factory.outfile import check_out, written_aside
+from grasp_factory.recordings.cameras import log_cameras, log_clouds, log_labels
+from grasp_factory.recordings.layout import blueprint
+from grasp_factory.recordings.library import RRD
+from grasp_factory.recordings.moving import log_objects, log_robot
+from grasp_factory.recordings.scenery import log_scenery
+from grasp_factory.recordings.series import log_phases, log_series
+from grasp_factory.recordings.words import episode_text
+from grasp_factory.track import Track
+
+APPLICATION = "grasp_factory"
+
+
+def write_recording(dataset: Dataset, index: int, out: Path) -> None:
+    """Write all that is stored of an attempt as a Rerun recording.
+
+    Args:
+        dataset: Where it is.
+        index: Of the episode, which the store has.
+        out: Ends in .rrd; a recording that is there is replaced.
+
+    Raises:
+        UsageError: for a quarantined episode, or if that is no place for a recording.
+        StoreError: if the episode cannot be read, or the file not be written.
+        RecipeError: if an object of the episode is not there any more.
+    """
+    check_out(out, [RRD])
+    if dataset.status[index] == 2:
+        raise UsageError(
+            f"episode {index} is quarantined, there is no attempt to show:"
+            f" {dataset.column('error')[index]}"
+        )
+    carried.unpack(dataset.path, dataset.config)
+    with written_aside(out) as partial:
+        _write(dataset, index, partial)
+
+
+def _write(dataset: Dataset, index: int, file: Path) -> None:
+    episode = dataset[index]
+    streams, columns = episode.streams, episode.columns
+    groups = curve_groups(
+        streams, episode.imu, columns["object_com"][0], float(columns["rest_height"])
+    )
+    track = Track.of(episode)
+    times = [0.0, track.duration] if episode.n_steps else [0.0]
+    clouds = [dataset.point_cloud(index, frame=frame) for frame in range(len(times))]
+    rr.set_strict_mode(True)
+    recording = rr.RecordingStream(
+        APPLICATION, recording_id=episode.checksum(), send_properties=False
+    )
+    recording.set_log_time_enabled(False)
+    recording.set_log_tick_enabled(False)
+    with recording, tempfile.TemporaryDirectory() as folder:
+        recording.save(file, blueprint(list(episode.cameras), groups))
+        recording.send_recording_name(f"{dataset.path.name} {index}")
+        text = rr.TextDocument(episode_text(episode), media_type=rr.MediaType.MARKDOWN)
+        recording.log("episode", text, static=True)
+        log_labels(recording, len(episode.spec.objects))
+        log_scenery(recording, episode)
+        log_robot(recording, episode.spec.robot, track, Path(folder))
+        log_objects(recording, episode, track, Path(folder))
+        log_cameras(recording, episode, times)
+        log_clouds(recording, clouds, times)
+        log_series(recording, episode, groups)
+        log_phases(recording, episode, phase_spans(streams))

@@ -1,0 +1,54 @@
+"""What stands still, or is drawn to help the eye: table, grasp, the way of the hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from grasp_factory.episode import Episode
+from grasp_factory.geometry import Array
+from grasp_factory.recordings.clock import poses, seconds
+from grasp_factory.stage import TABLE_CENTER_XY, TABLE_SIZE
+
+GRASP = "world/grasp"
+TCP = "world/tcp"
+STEM = 0.08
+"""Metres of a grasp that are drawn along its approach."""
+MAGENTA = (255, 0, 255)
+AXIS = 0.05
+"""Metres of the axes of the hand."""
+
+
+def log_scenery(recording: rr.RecordingStream, episode: Episode) -> None:
+    """Log the table's box, the executed (else first planned) grasp, and the way of the TCP."""
+    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    center = (*TABLE_CENTER_XY, -TABLE_SIZE[2] / 2.0)
+    color = [round(255 * value) for value in episode.spec.surroundings.table.color]
+    table = rr.Boxes3D(sizes=[TABLE_SIZE], centers=[center], colors=[color])
+    recording.log("world/table", table, static=True)
+    columns = episode.columns
+    if np.linalg.norm(columns["grasp_quat_xyzw"]) > 0.0:  # never true of NaN
+        _log_grasp(recording, columns["grasp_position"], columns["grasp_quat_xyzw"],
+                   float(columns["grasp_width"]))  # fmt: skip
+    if episode.n_steps:
+        _log_hand(recording, episode.streams["timestamp"], episode.streams["tcp_pose"])
+
+
+def _log_grasp(
+    recording: rr.RecordingStream, position: Array, quat_xyzw: Array, width: float
+) -> None:
+    """Log an arrow along the approach to the TCP, and one from each pad towards the other."""
+    placed = rr.Transform3D(translation=position, quaternion=rr.Quaternion(xyzw=quat_xyzw))
+    half = width / 2.0
+    arrows = rr.Arrows3D(
+        origins=[(0.0, 0.0, -STEM), (0.0, half, 0.0), (0.0, -half, 0.0)],
+        vectors=[(0.0, 0.0, STEM), (0.0, -half, 0.0), (0.0, half, 0.0)],
+        colors=[MAGENTA] * 3,
+    )
+    recording.log(GRASP, placed, arrows, static=True)
+
+
+def _log_hand(recording: rr.RecordingStream, times: Array, tcp: Array) -> None:
+    recording.log(TCP, rr.TransformAxes3D(AXIS), static=True)
+    recording.send_columns(TCP, [seconds(times)], poses(tcp))
+    recording.log("world/tcp_path", rr.LineStrips3D([tcp[:, :3]]), static=True)

@@ -1,0 +1,78 @@
+"""URDF files as Rerun's loader takes them: meshes by absolute path, and only what is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import rerun as rr
+from rerun.urdf import UrdfTree
+
+from grasp_factory.world import DATA
+
+_UNSEEN = ("collision", "contact", "inertial")
+
+
+def log_urdf(
+    recording: rr.RecordingStream,
+    path: Path,
+    folder: Path,
+    entity: str,
+    color: Sequence[float] | None = None,
+) -> UrdfTree:
+    """Log the links of a URDF file, with frames named ``<entity>/<link>``; return it.
+
+    Args:
+        recording: Where to.
+        path: The file.
+        folder: Where a file for the loader may be put.
+        entity: A word, below which they are found.
+        color: RGB, 0 to 1, instead of the file's.
+    """
+    file = folder / f"{entity}.urdf"
+    file.write_bytes(seen_urdf(path, color))
+    tree = UrdfTree.from_file_path(
+        file,
+        entity_path_prefix=entity,
+        frame_prefix=f"{entity}/",
+        static_transform_entity_path=f"/{entity}/joints",
+    )
+    tree.log_urdf_to_recording(recording)
+    return tree
+
+
+def seen_urdf(path: Path, color: Sequence[float] | None = None) -> bytes:
+    """Return a URDF file with absolute mesh names and without what is not seen."""
+    robot = ElementTree.parse(path).getroot()
+    for link in robot.findall("link"):
+        for part in [part for part in link if part.tag in _UNSEEN]:
+            link.remove(part)
+        for visual in link.findall("visual"):
+            for mesh in visual.iter("mesh"):
+                mesh.set("filename", str(_found(mesh.get("filename", ""), path.parent)))
+            if color is not None:
+                _paint(visual, color)
+    return ElementTree.tostring(robot)
+
+
+def _paint(visual: Element, color: Sequence[float]) -> None:
+    for material in visual.findall("material"):
+        visual.remove(material)
+    material = SubElement(visual, "material", name="drawn")
+    SubElement(material, "color", rgba=" ".join(f"{value:.6g}" for value in (*color, 1.0)))
+
+
+def _found(name: str, folder: Path) -> Path:
+    """Return a mesh's file as the physics engine finds it."""
+    packages = {
+        "package://pybullet_data/": DATA,
+        "package://grasp_factory/": Path(str(resources.files("grasp_factory"))),
+        "package://": folder,
+    }
+    for package, place in packages.items():
+        if name.startswith(package):
+            return place / name.removeprefix(package)
+    return folder / name

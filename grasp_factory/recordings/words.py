@@ -1,0 +1,37 @@
+"""An episode in words: what it was, how it ended, what was measured."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from grasp_factory.episode import Episode
+from grasp_factory.schema import FIELDS
+
+_SHOWN_FIRST = ("object_id", "object_family", "policy", "split", "seed", "index")
+
+
+def episode_text(episode: Episode) -> str:
+    """Return Markdown: the outcome, and a table of all columns with one value."""
+    units = {row.path.removeprefix("episodes/"): row.units for row in FIELDS}
+    spec = episode.spec
+    values: dict[str, Any] = {"seed": spec.seed, "index": spec.index, **episode.columns}
+    names = [*_SHOWN_FIRST, *sorted(set(values) - set(_SHOWN_FIRST))]
+    rows = [
+        f"| {name} | {_word(values[name])} {units.get(name) or ''} |"
+        for name in names
+        if np.ndim(values[name]) == 0
+    ]
+    head = f"# {spec.index}: {episode.outcome.name.lower().replace('_', ' ')}"
+    return "\n".join([head, "", "| what | value |", "|---|---|", *rows]) + "\n"
+
+
+def _word(value: Any) -> str:
+    if isinstance(value, str):
+        return "".join("\\" + c if c in "\\|`*_<>[]#" else c for c in value) or "-"
+    number = float(value)
+    if math.isnan(number):
+        return "-"
+    return f"{number:.4g}" if number % 1 else f"{number:.0f}"

@@ -1,0 +1,147 @@
+"""Videos as files: MP4 and GIF, written with OpenCV."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.errors import UsageError
+from grasp_factory.outfile import FileKind, check_out, written_aside
+
+Image = NDArray[np.uint8]
+
+MP4 = FileKind(what="an MP4 video", suffix=".mp4", magic=b"ftyp", offset=4)
+GIF = FileKind(what="a GIF animation", suffix=".gif", magic=b"GIF8")
+KINDS = (MP4, GIF)
+FASTEST_GIF = 50
+"""Frames per second: what shows GIFs slows those that are quicker down to ten."""
+GIF_COLORS = (cv2.IMWRITE_GIF_DITHER, 3)
+"""Colours of its own for each frame: a tenth of the error of OpenCV's default, in a third of the
+bytes."""
+LARGEST_GIF = 2**30
+"""Bytes of all frames, which are in memory until it is written."""
+
+
+class FrameSink(Protocol):
+    """What takes the frames of a video, one after the other."""
+
+    def add(self, image: Image) -> None:
+        """Append a frame, BGR (height, width, 3)."""
+
+
+@contextlib.contextmanager
+def video_file(path: Path, size: tuple[int, int], fps: float, frames: int) -> Iterator[FrameSink]:
+    """Give what takes the frames of a video that is there, whole, when the block ends.
+
+    Args:
+        path: Ends in .mp4 or .gif. A video that is there is replaced.
+        size: Width and height of each frame, pixels. MP4 has even ones only: an odd one
+            is shown a pixel larger, by its last row or column once more.
+        fps: Frames per second; see ``nearest_fps``.
+        frames: How many there will be.
+
+    Raises:
+        UsageError: as ``check_video`` does.
+        StoreError: if it cannot be written.
+    """
+    check_video(path, size, fps, frames)
+    if check_out(path, KINDS) is MP4:
+        with written_aside(path) as partial, _mp4(partial, size, fps) as sink:
+            yield sink
+        return
+    animation = _Gif()
+    with written_aside(path) as partial:
+        yield animation
+        animation.write(partial, fps)
+
+
+def nearest_fps(path: Path, fps: float) -> float:
+    """Return the rate nearest to ``fps`` that a file can have: GIFs count in hundredths of seconds.
+
+    Raises:
+        UsageError: if that is no place for a video.
+    """
+    return fps if check_out(path, KINDS) is MP4 else 100.0 / max(1, round(100.0 / fps))
+
+
+def check_video(path: Path, size: tuple[int, int], fps: float, frames: int) -> None:
+    """Check that a video of so many frames can be made there.
+
+    Raises:
+        UsageError: if that is no place for a video, or a GIF would be too large or too quick.
+    """
+    if check_out(path, KINDS) is MP4:
+        return
+    if fps > FASTEST_GIF:
+        raise UsageError(f"{fps:g} frames per second: of a GIF, valid: up to {FASTEST_GIF}")
+    if (needed := frames * size[0] * size[1] * 3) > LARGEST_GIF:
+        raise UsageError(
+            f"a GIF of {frames} frames with {size[0]}x{size[1]} pixels needs {needed / 1e9:.1f} GB"
+            " of memory: take fewer frames, a smaller --resolution, or a name that ends in .mp4"
+        )
+
+
+class _Mp4:
+    """An MP4 file (MPEG-4 part 2, which every OpenCV has), written as its frames come."""
+
+    def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
+        self._path, self._pad = path, [(0, side % 2) for side in size[::-1]] + [(0, 0)]
+        even = (size[0] + size[0] % 2, size[1] + size[1] % 2)
+        self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), fps, even)  # type: ignore[attr-defined]
+        self._written = 0
+        if not self._writer.isOpened():
+            raise OSError("OpenCV cannot make an MP4 video there")
+
+    def add(self, image: Image) -> None:
+        """Append a frame."""
+        self._writer.write(np.ascontiguousarray(np.pad(image, self._pad, "edge")))
+        self._written += 1
+
+    def finish(self) -> None:
+        """Write what is left, and check that it is all there: OpenCV says nothing of a full disk.
+
+        Raises:
+            OSError: if it is not.
+        """
+        self._writer.release()
+        reader = cv2.VideoCapture(str(self._path))
+        found = int(reader.get(cv2.CAP_PROP_FRAME_COUNT)) if reader.isOpened() else 0
+        reader.release()
+        if found != self._written:
+            raise OSError(f"{found} of {self._written} frames arrived; is the disk full?")
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._writer.release()
+
+
+@contextlib.contextmanager
+def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[_Mp4]:
+    with contextlib.closing(_Mp4(path, size, fps)) as sink:
+        yield sink
+        sink.finish()
+
+
+class _Gif:
+    """A GIF file, which OpenCV writes at once."""
+
+    def __init__(self) -> None:
+        self._frames: list[Image] = []
+
+    def add(self, image: Image) -> None:
+        """Append a frame."""
+        self._frames.append(np.ascontiguousarray(image))
+
+    def write(self, path: Path, fps: float) -> None:
+        """Write the file."""
+        animation = cv2.Animation()
+        animation.frames = self._frames
+        animation.durations = [10 * round(100.0 / fps)] * len(self._frames)
+        if not cv2.imwriteanimation(str(path), animation, GIF_COLORS):
+            raise OSError("OpenCV cannot write a GIF there; is the disk full?")

@@ -1,0 +1,35 @@
+"""A world for playing back: bodies stand where a recording says, and time never passes."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+from grasp_factory.errors import GraspFactoryError
+from grasp_factory.geometry import Pose
+from grasp_factory.world.client import World
+from grasp_factory.world.engine import p
+
+
+class PosedWorld(World):
+    """A world without physics, in which bodies and joints may be placed at any time."""
+
+    def __enter__(self) -> PosedWorld:
+        return self
+
+    def seal(self) -> None:
+        """Leave the scene open: here it is moved by hand."""
+
+    def step(self) -> NoReturn:
+        """Refuse: what is shown here was simulated before.
+
+        Raises:
+            GraspFactoryError: always.
+        """
+        raise GraspFactoryError("cannot step: in a posed world nothing moves by physics")
+
+    def place_body(self, body: int, pose: Pose) -> None:
+        """Put a body with its own (URDF) frame at a pose in the world."""
+        placed = Pose.from_matrix(pose.matrix() @ self.inertial_frame(body).matrix())
+        p.resetBasePositionAndOrientation(
+            body, placed.position, placed.quat_xyzw, physicsClientId=self._client
+        )
