@@ -1,0 +1,50 @@
+"""The browse page's server as a WSGI application."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from flask import Flask
+
+from grasp_factory.browse import changing, files, listing, viewing
+from grasp_factory.browse.answers import tell_errors_as_json
+from grasp_factory.browse.asking import Number
+from grasp_factory.browse.guard import Guard, install
+from grasp_factory.browse.shelf import Shelf
+from grasp_factory.browse.site import Live, Site
+from grasp_factory.browse.thumbnails import Thumbnails
+from grasp_factory.index import Index
+
+
+def create_app(
+    index: Index,
+    token: str,
+    hosts: Collection[str],
+    live: Live | None = None,
+    thumbnails: Thumbnails | None = None,
+) -> Flask:
+    """Return the application.
+
+    Args:
+        index: Of the stores to show.
+        token: What a request must have to change anything; empty for a page that only reads.
+        hosts: The names and addresses, without port, that it may be asked for.
+        live: A run that makes episodes meanwhile.
+        thumbnails: Where small pictures are kept; None for the cache.
+    """
+    site = Site(
+        index=index,
+        guard=Guard.of(hosts, token),
+        shelf=Shelf(index.stores),
+        thumbnails=thumbnails or Thumbnails(),
+        live=live,
+    )
+    app = Flask("grasp_factory.browse", static_folder=None)
+    app.config["PROVIDE_AUTOMATIC_OPTIONS"] = False
+    app.url_map.merge_slashes = False  # an address that is not quite right is refused, not mended
+    app.url_map.converters["n"] = Number
+    install(app, site.guard)
+    tell_errors_as_json(app)
+    for part in (files.routes(), listing.routes(site), viewing.routes(site), changing.routes(site)):
+        app.register_blueprint(part)
+    return app

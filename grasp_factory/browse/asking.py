@@ -1,0 +1,44 @@
+"""What a request asks for: numbers, and a query of the index."""
+
+from __future__ import annotations
+
+import re
+
+from flask import request
+from werkzeug.routing import BaseConverter
+
+from grasp_factory.errors import UsageError, shown
+from grasp_factory.index import Query
+
+_DIGITS = "[0-9]{1,9}"
+
+
+class Number(BaseConverter):
+    """A whole number in an address, such as a row."""
+
+    regex = _DIGITS
+
+    def to_python(self, value: str) -> int:
+        """Return it as one."""
+        return int(value)
+
+
+def whole(name: str, default: int, most: int) -> int:
+    """Return a whole number of the request, no more than ``most``.
+
+    Raises:
+        UsageError: if it is none.
+    """
+    text = request.args.get(name, str(default))
+    if not re.fullmatch(_DIGITS, text) or int(text) > most:
+        raise UsageError(f"{name}: got {shown(text)}, valid: 0 to {most}")
+    return int(text)
+
+
+def asked_query() -> Query:
+    """Return the query that the request's ``where`` and ``sort`` make.
+
+    Raises:
+        UsageError: if they make none.
+    """
+    return Query.parse(request.args.getlist("where"), request.args.get("sort", ""))

@@ -1,0 +1,46 @@
+"""The page itself: the files in ``static``, which come with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath
+
+from flask import Blueprint, Response, abort, send_from_directory
+
+FOLDER = Path(__file__).parent / "static"
+TYPES = {
+    ".css": "text/css",
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+}
+"""What is served, and as what: what the machine thinks of a suffix must not matter."""
+
+
+def routes() -> Blueprint:
+    """Return the addresses of the page's files."""
+    pages = Blueprint("files", __name__)
+
+    @pages.get("/")
+    def page() -> Response:
+        return _file("index.html")
+
+    @pages.get("/static/<path:name>")
+    def static(name: str) -> Response:
+        return _file(name)
+
+    @pages.get("/favicon.ico")
+    def icon() -> Response:
+        return _file("icon.svg")
+
+    return pages
+
+
+def _file(name: str) -> Response:
+    path = PurePosixPath(name)
+    kind = TYPES.get(path.suffix)
+    if kind is None or str(path) != name:
+        abort(404, "there is no such file")
+    answer = send_from_directory(FOLDER, name, mimetype=kind)
+    answer.headers["Cache-Control"] = "no-cache"
+    return answer

@@ -1,0 +1,109 @@
+"""The addresses of the grid: what there is, and which episodes answer a query."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flask import Blueprint, Response, request
+
+from grasp_factory import __version__
+from grasp_factory.annotations import default_who
+from grasp_factory.browse.answers import json_answer
+from grasp_factory.browse.asking import asked_query, whole
+from grasp_factory.browse.drawing import label_colors
+from grasp_factory.browse.site import Site
+from grasp_factory.errors import GraspFactoryError, UsageError
+from grasp_factory.index import COLUMNS, Column, IndexedStore, NumberBins, WordBars
+from grasp_factory.outcome import Outcome, Phase, label_names, names
+from grasp_factory.records import to_plain
+
+MOST_ROWS, MOST_BINS, MOST_WORDS = 500, 200, 200
+
+
+def routes(site: Site) -> Blueprint:
+    """Return the addresses of the grid."""
+    pages = Blueprint("listing", __name__)
+
+    @pages.get("/api/library")
+    def library() -> Response:
+        return json_answer(_library(site, site.freshness.now()))
+
+    @pages.get("/api/episodes")
+    def episodes() -> Response:
+        site.freshness.soon()
+        offset, limit = whole("offset", 0, 10**9 - 1), whole("limit", 60, MOST_ROWS)
+        page = site.index.page(asked_query(), offset, limit)
+        return json_answer({"total": page.total, "rows": page.rows})
+
+    @pages.get("/api/ids")
+    def ids() -> Response:
+        found = site.index.ids(asked_query())
+        return json_answer({"ids": [f"{store}:{row}" for store, row in found]})
+
+    @pages.get("/api/histogram")
+    def histogram() -> Response:
+        column, bins = request.args.get("column", ""), whole("bins", 30, MOST_BINS)
+        if not bins:
+            raise UsageError(f"bins: got 0, valid: 1 to {MOST_BINS}")
+        return json_answer(_histogram(site.index.histogram(column, asked_query(), bins)))
+
+    @pages.get("/api/neighbours/<n:store>/<n:row>")
+    def neighbours(store: int, row: int) -> Response:
+        site.check_store(store)
+        return json_answer(to_plain(site.index.neighbours(asked_query(), store, row)))
+
+    @pages.get("/api/live")
+    def live() -> Response:
+        return json_answer({"live": False} if site.live is None else site.live.snapshot())
+
+    return pages
+
+
+def _library(site: Site, trouble: str) -> dict[str, Any]:
+    stores = [_store(site, store) for store in site.index.stores]
+    most = max((store["objects"] for store in stores), default=1)
+    return {
+        "version": __version__,
+        "stores": stores,
+        "trouble": trouble,
+        "columns": [_column(site, column) for column in COLUMNS],
+        "outcomes": names(Outcome),
+        "phases": names(Phase),
+        "who": default_who(),
+        "live": site.live is not None,
+        "writable": bool(site.guard.token),
+        "labels": label_colors(label_names(most)),
+    }
+
+
+def _store(site: Site, store: IndexedStore) -> dict[str, Any]:
+    """Return what a store is; one that cannot be read does not keep the others from being seen."""
+    told = {"id": store.id, "name": store.name, "path": str(store.path)}
+    told |= {"committed": store.committed, "episodes": store.rows, "error": ""}
+    try:
+        dataset = site.store(store.id).dataset
+    except GraspFactoryError as error:
+        nothing = {"cameras": [], "resolution": [0, 0], "video": False, "objects": 1}
+        return told | nothing | {"error": str(error)}
+    config = dataset.config
+    return told | {
+        "episodes": len(dataset),
+        "cameras": list(config.cameras),
+        "resolution": config.resolution,
+        "video": bool(config.video_hz),
+        "objects": config.clutter.count,
+    }
+
+
+def _column(site: Site, column: Column) -> dict[str, Any]:
+    told: dict[str, Any] = to_plain(column)
+    if column.kind in ("word", "tags"):
+        told["words"] = site.index.words(column.name, MOST_WORDS)
+    return told
+
+
+def _histogram(found: WordBars | NumberBins) -> dict[str, Any]:
+    if isinstance(found, WordBars):
+        bars = [dict(zip(("value", "count", "successes"), bar, strict=True)) for bar in found.bars]
+        return {"column": found.column, "kind": "words", "bars": bars}
+    return {"kind": "numbers", **to_plain(found)}

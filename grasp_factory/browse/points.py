@@ -1,0 +1,43 @@
+"""Point clouds as bytes, few enough points for a browser to turn smoothly."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.clouds import PointCloud
+from grasp_factory.outcome import Label
+
+MOST_POINTS = 60_000
+NEAR_TABLE = 1.0
+"""Metres that the floor is shown around what stands on it; a floor to the horizon hides that."""
+
+
+def cloud_bytes(cloud: PointCloud) -> bytes:
+    """Return a cloud as uint32 n, float32 xyz (n, 3), uint8 rgb (n, 3), uint8 label (n).
+
+    Of more than ``MOST_POINTS`` some are taken at even steps.
+    """
+    shown = np.flatnonzero(_is_shown(cloud))
+    if len(shown) > MOST_POINTS:
+        shown = shown[np.linspace(0, len(shown) - 1, MOST_POINTS).astype(np.intp)]
+    return b"".join(
+        (
+            np.uint32(len(shown)).astype("<u4").tobytes(),
+            cloud.points[shown].astype("<f4").tobytes(),
+            cloud.rgb[shown].tobytes(),
+            cloud.labels[shown].tobytes(),
+        )
+    )
+
+
+def _is_shown(cloud: PointCloud) -> NDArray[np.bool_]:
+    """Say of each point whether it is on something other than the floor, or near that."""
+    is_floor: NDArray[np.bool_] = cloud.labels == Label.FLOOR
+    if is_floor.all():
+        return is_floor
+    xy = cloud.points[:, :2]
+    others = xy[~is_floor]
+    low, high = others.min(axis=0) - NEAR_TABLE, others.max(axis=0) + NEAR_TABLE
+    is_near = ((xy >= low) & (xy <= high)).all(axis=1)
+    return np.asarray(is_near | ~is_floor, np.bool_)

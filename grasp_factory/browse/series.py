@@ -1,0 +1,150 @@
+"""An episode's series as the page draws them: groups of curves, poses, the arm, touch."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.browse.numbers import rounded
+from grasp_factory.browse.shelf import OpenStore
+from grasp_factory.curves import CurveGroup, curve_groups, phase_spans
+from grasp_factory.errors import StoreError
+from grasp_factory.kinematics import Chain
+from grasp_factory.records import to_plain
+from grasp_factory.signals.touch import taxel_image
+from grasp_factory.writers.header import read_array
+
+TAXELS = (12, 10)
+"""Rows along a pad's height, columns along its width."""
+_STREAMS = (
+    *("timestamp", "phase", "joint_positions", "joint_velocities", "joint_torques"),
+    *("gripper_width", "gripper_width_target", "gripper_force", "wrist_wrench"),
+    *("tcp_pose", "object_pose"),
+)
+_TACTILE = ("tactile_position", "tactile_force", "tactile_normal")
+
+Series = Mapping[str, NDArray[Any]]
+
+
+def episode_series(opened: OpenStore, row: int) -> dict[str, Any]:
+    """Return the series of a committed episode as plain values, every record of them.
+
+    Raises:
+        StoreError: if they are damaged.
+    """
+    dataset = opened.dataset
+    streams = dataset.series(row, *_there(opened, *_STREAMS, *_TACTILE))
+    imu = _unpadded(opened, row, "n_imu", "imu", "timestamp", "specific_force", "angular_velocity")
+    video = _unpadded(opened, row, "n_video", "videos", "timestamp")
+    com, rest = dataset.value(row, "object_com")[0], float(dataset.value(row, "rest_height"))
+    return {
+        "time": rounded(streams["timestamp"]),
+        "imu_time": rounded(imu.get("timestamp", ())),
+        "video_time": rounded(video.get("timestamp", ())),
+        "phases": to_plain(phase_spans(streams)),
+        "groups": [_group(group) for group in curve_groups(streams, imu, com, rest)],
+        "poses": {
+            "tcp": rounded(streams["tcp_pose"]),
+            "objects": rounded(np.swapaxes(streams["object_pose"], 0, 1)),
+            "gripper_width": rounded(streams["gripper_width"]),
+        },
+        "links": _links(dataset.config.robot, streams["joint_positions"]),
+        "tactile": {
+            "rows": TAXELS[0],
+            "columns": TAXELS[1],
+            "max": float(_taxels(opened, streams).max(initial=0.0)),
+        },
+    }
+
+
+def tactile(opened: OpenStore, row: int) -> bytes:
+    """Return the normal force on each taxel over time, float32 (T, 2, rows, columns) newtons.
+
+    Raises:
+        StoreError: if it is damaged.
+    """
+    streams = opened.dataset.series(row, *_TACTILE)
+    return _taxels(opened, streams).astype("<f4").tobytes()
+
+
+def pad_size(opened: OpenStore) -> tuple[float, float]:
+    """Return width and height of the robot's pads, metres.
+
+    Raises:
+        StoreError: if the store does not tell.
+    """
+    dataset = opened.dataset
+    try:
+        width, height = map(float, dataset.attributes["robot"]["pad_size"])
+    except (KeyError, TypeError, ValueError):
+        raise StoreError(f"{dataset.path}: its attribute robot has no pad_size") from None
+    return width, height
+
+
+def _taxels(opened: OpenStore, streams: Series) -> NDArray[np.float64]:
+    return taxel_image(streams, pad_size(opened), *TAXELS)
+
+
+def _there(opened: OpenStore, *streams: str) -> list[str]:
+    """Return those streams that the store has: one of an older version lacks some."""
+    return [name for name in streams if f"streams/{name}" in opened.arrays]
+
+
+def _unpadded(
+    opened: OpenStore, row: int, length: str, group: str, *names: str
+) -> dict[str, NDArray[Any]]:
+    """Return an episode's values of some of a group's series, those that the store has."""
+    there = [name for name in names if f"{group}/{name}" in opened.arrays]
+    if not there:
+        return {}
+    count = int(opened.dataset.value(row, length))
+    return {name: read_array(opened.arrays[f"{group}/{name}"], row)[:count] for name in there}
+
+
+def _group(group: CurveGroup) -> dict[str, Any]:
+    series = [
+        {"name": name, "values": values}
+        for name, values in zip(group.names, rounded(group.values.T), strict=True)
+    ]
+    told = {name: getattr(group, name) for name in ("key", "title", "units", "clock")}
+    return told | {"series": series}
+
+
+def _links(robot: str, joint_positions: NDArray[Any]) -> dict[str, Any]:
+    """Return the arm's joints and TCP, world, over time; none of a robot that is not known here."""
+    chains = _chains(robot)
+    if not chains:
+        return {"names": [], "positions": []}
+    q = np.asarray(joint_positions, np.float64)
+    places = [chain.fk(q[:, : len(chain.joint_names)])[:, :3, 3] for chain in chains]
+    names = ["base", *chains[-1].joint_names, "tcp"]
+    return {
+        "names": names,
+        "positions": rounded(np.stack([np.zeros((len(q), 3)), *places], axis=1)),
+    }
+
+
+@lru_cache
+def _chains(robot: str) -> tuple[Chain, ...]:
+    """Return the chain to each joint's own frame, and at last to the TCP."""
+    # This loads the simulator's engine, which nothing else on the page needs.
+    from grasp_factory.robots import ROBOTS, arm_chain  # noqa: PLC0415
+
+    if robot not in ROBOTS:
+        return ()
+    whole = arm_chain(ROBOTS[robot])
+    parts = [
+        dataclasses.replace(
+            whole,
+            joint_names=whole.joint_names[:count],
+            T_previous_joint=whole.T_previous_joint[:count],
+            T_joint_tip=np.eye(4),
+        )
+        for count in range(1, len(whole.joint_names) + 1)
+    ]
+    return (*parts, whole)

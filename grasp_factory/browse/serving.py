@@ -1,0 +1,184 @@
+"""Listening: a socket on this machine, the server's threads, and the address that people open."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import ipaddress
+import logging
+import socket
+import threading
+from collections.abc import Iterable
+from types import TracebackType
+from typing import Any, Self
+
+from flask import Flask
+from waitress import wasyncore  # type: ignore[import-untyped]
+from waitress.channel import HTTPChannel  # type: ignore[import-untyped]
+from waitress.parser import HTTPRequestParser, ParsingError  # type: ignore[import-untyped]
+from waitress.server import create_server  # type: ignore[import-untyped]
+from waitress.task import ErrorTask  # type: ignore[import-untyped]
+
+from grasp_factory.browse.guard import ANY_ADDRESS, HEADERS, MOST_BODY
+from grasp_factory.browse.numbers import json_bytes
+from grasp_factory.errors import UsageError, shown
+
+PORT = 8642
+PORTS_TRIED = 100
+"""From ``PORT`` on, where none is asked for."""
+THREADS = 8
+MOST_HEADER = 32 * 1024
+"""Bytes of a request's header; addresses with many conditions are long."""
+PATIENCE_S = 2.0
+"""For answers that are being made when the server is stopped."""
+
+
+class Server:
+    """The server of an application, in threads of its own; a context that stops it at its end.
+
+    Attributes:
+        port: that it listens at.
+    """
+
+    def __init__(self, app: Flask, listening: socket.socket) -> None:
+        """Use a socket from ``listen``; it is closed when the server is stopped."""
+        logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a full grid is no trouble
+        self.port: int = listening.getsockname()[1]
+        self._sockets: dict[int, Any] = {}
+        self._server = create_server(
+            app,
+            map=self._sockets,
+            sockets=[listening],
+            threads=THREADS,
+            ident=None,
+            max_request_body_size=MOST_BODY + 1,  # it refuses what reaches it
+            max_request_header_size=MOST_HEADER,
+            clear_untrusted_proxy_headers=True,
+        )
+        self._server.channel_class = _Channel
+        self._thread = threading.Thread(target=self._server.run, name="browse", daemon=True)
+
+    def start(self) -> Self:
+        """Begin to answer, and return."""
+        self._thread.start()
+        return self
+
+    def stop(self) -> None:
+        """Close all connections, and end the threads."""
+        self._server.trigger.pull_trigger(self._close)
+        self._thread.join()
+        self._server.task_dispatcher.shutdown(timeout=PATIENCE_S)
+
+    def _close(self) -> None:
+        """Close what is open, in the thread that uses it, which ends without."""
+        wasyncore.close_all(self._sockets)
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+
+class _Refusal(ErrorTask):  # type: ignore[misc]
+    """The answer to what is no proper request: like all others, and without a word of it."""
+
+    def execute(self) -> None:
+        """Answer."""
+        error = self.request.error
+        body = json_bytes({"error": f"{error.reason}: this is no request that is answered here"})
+        self.status = f"{error.code} {error.reason}"
+        self.response_headers.extend([("Content-Type", "application/json"), *HEADERS.items()])
+        self.set_close_on_finish()
+        self.content_length = len(body)
+        self.write(body)
+
+
+class _Parser(HTTPRequestParser):  # type: ignore[misc]
+    """Reads requests; one whose address cannot be taken apart is refused, too."""
+
+    def parse_header(self, header_plus: bytes) -> None:
+        """Read a request's header.
+
+        Raises:
+            ParsingError: if it is none.
+        """
+        try:
+            super().parse_header(header_plus)
+        except ValueError:  # of urlsplit, which waitress lets through
+            raise ParsingError("Bad URI") from None
+
+
+class _Channel(HTTPChannel):  # type: ignore[misc]
+    parser_class = _Parser
+    error_task_class = _Refusal
+
+
+def listen(host: str, port: int | None = None) -> socket.socket:
+    """Return a socket that listens; with no port asked for, at the first free one from ``PORT``.
+
+    Raises:
+        UsageError: if there is no such address here, or the port cannot be had.
+    """
+    ports = [*range(PORT, PORT + PORTS_TRIED)] if port is None else [port]
+    while True:
+        number = ports.pop(0)
+        try:
+            return _bound(host, number)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE or not ports:
+                raise UsageError(_trouble(host, number, error)) from None
+
+
+def address(host: str, port: int, token: str) -> str:
+    """Return what to open in a browser; the token is in the part that browsers keep to themselves.
+
+    Args:
+        host: That the server is bound to.
+        port: That it listens at.
+        token: That writing needs; empty for none.
+    """
+    name = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+    name = f"[{name}]" if ":" in name else name
+    return f"http://{name}:{port}/" + (f"#token={token}" if token else "")
+
+
+def own_names(host: str, more: Iterable[str] = ()) -> frozenset[str]:
+    """Return the names that requests to a server bound to ``host`` may be for."""
+    machine = {socket.gethostname()} if host in ANY_ADDRESS else set()
+    return frozenset({host, "localhost", *machine, *more})
+
+
+def is_loopback(host: str) -> bool:
+    """Say whether an address is reached from this machine only."""
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host.lower() == "localhost"
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    family, kind, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    listening = socket.socket(family, kind)
+    try:
+        # A port that was in use until just now is free; one that is in use is still refused.
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(where)
+        listening.listen()
+    except BaseException:
+        listening.close()
+        raise
+    return listening
+
+
+def _trouble(host: str, port: int, error: OSError) -> str:
+    where = f"--host {shown(host)} --port {port}"
+    if error.errno == errno.EADDRINUSE:
+        return f"{where}: something else listens there; leave out --port, and a free one is taken"
+    if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+        return f"{where}: this machine has no such address, valid: 127.0.0.1, or one of its own"
+    return f"{where}: {error.strerror}; valid: ports 1024 to 65535"

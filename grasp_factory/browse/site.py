@@ -1,0 +1,108 @@
+"""What all parts of the page share."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from flask import abort
+
+from grasp_factory.browse.guard import Guard
+from grasp_factory.browse.shelf import OpenStore, Shelf
+from grasp_factory.browse.thumbnails import Thumbnails
+from grasp_factory.errors import GraspFactoryError, StoreError
+from grasp_factory.index import Index
+
+LOOK_AGAIN_S = 3.0
+"""Seconds for which the index is taken to be that of the stores."""
+
+
+class Live(Protocol):
+    """A run that makes episodes while the page is open."""
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return its state as plain values."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Site:
+    """An index, its stores, and who may write to them."""
+
+    index: Index
+    guard: Guard
+    shelf: Shelf
+    thumbnails: Thumbnails
+    live: Live | None
+    freshness: Freshness = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "freshness", Freshness(self.index))
+
+    def store(self, number: int) -> OpenStore:
+        """Return a store of the index, or abort with 404.
+
+        Raises:
+            StoreMismatchError, StoreError: if it cannot be opened.
+        """
+        self.check_store(number)
+        return self.shelf.open(number)
+
+    def check_store(self, number: int) -> None:
+        """Abort with 404 for a number that no store has."""
+        if self.shelf.path(number) is None:
+            abort(404, f"there is no store {number} here")
+
+    def episode(self, number: int, row: int) -> tuple[OpenStore, str]:
+        """Return the store and the checksum of a committed episode, or abort with 404.
+
+        Raises:
+            StoreMismatchError, StoreError: if the store is damaged.
+        """
+        opened = self.store(number)
+        try:
+            return opened, str(opened.dataset.value(row, "checksum"))
+        except IndexError as error:
+            abort(404, str(error))
+        except StoreError as error:
+            indexed = self.index.row(number, row)
+            if indexed is None or indexed["status"] != "committed":
+                abort(404, str(error))
+            raise
+
+
+class Freshness:
+    """Brings the index up to its stores: for each new page, and now and then after that.
+
+    What cannot be read just now, such as a store that is being made again, is no reason to show
+    nothing: the index has what was there before.
+    """
+
+    def __init__(self, index: Index) -> None:
+        self._index = index
+        self._lock = threading.Lock()
+        self._looked = float("-inf")
+
+    def now(self) -> str:
+        """Take in what has changed; return what kept it from it, empty for nothing."""
+        with self._lock:
+            return self._refresh()
+
+    def soon(self) -> None:
+        """Take in what has changed, unless somebody looked lately or does so just now."""
+        if time.monotonic() - self._looked < LOOK_AGAIN_S or not self._lock.acquire(blocking=False):
+            return
+        try:
+            self._refresh()
+        finally:
+            self._lock.release()
+
+    def _refresh(self) -> str:
+        try:
+            self._index.refresh()
+        except GraspFactoryError as error:
+            return str(error)
+        finally:
+            self._looked = time.monotonic()
+        return ""

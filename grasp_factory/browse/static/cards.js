@@ -1,0 +1,144 @@
+// One card of the grid: the picture, how it ended, and what it is.
+
+import { address } from './api.js';
+import { h } from './dom.js';
+import { amount, badge, readable } from './format.js';
+import { episodeHash } from './routes.js';
+import { selected } from './selection.js';
+
+function idOf(row) {
+  return `${row.store}:${row.row}`;
+}
+
+/** params: the grid's, which the episode's page goes on with. */
+export function card(row, params, library, after) {
+  const id = idOf(row);
+  const name = `Episode ${row.row}`;
+  const chosen = selected().has(id);
+  const outcome = row.status === 'quarantined' ? 'quarantined' : row.outcome;
+  const ended = readable(row.corrected_outcome ?? outcome);
+  return h(
+    'li',
+    {
+      class: 'card',
+      tabindex: -1,
+      'aria-label': `${name}, ${ended}, ${row.object_id ?? ''}`,
+      dataset: { testid: 'card', id, outcome, chosen: chosen ? '' : undefined },
+    },
+    h(
+      'a',
+      {
+        class: 'thumb',
+        href: episodeHash(row.store, row.row, params),
+        tabindex: -1,
+        'aria-label': name,
+      },
+      row.status === 'quarantined' ? reason(row) : picture(row, after),
+    ),
+    h(
+      'label',
+      { class: 'choose', title: 'Select (x)' },
+      h('input', {
+        type: 'checkbox',
+        tabindex: -1,
+        checked: chosen,
+        'aria-label': `Select ${name}`,
+      }),
+    ),
+    h(
+      'div',
+      { class: 'card-body' },
+      h(
+        'div',
+        { class: 'card-line' },
+        badge(outcome, row.corrected_outcome),
+        h('span', { class: 'card-id' }, `#${row.row}`),
+      ),
+      h('div', { class: 'card-object', title: row.object_id ?? '' }, objectOf(row)),
+      h(
+        'div',
+        { class: 'card-line muted' },
+        h('span', { class: 'cut' }, policyOf(row, library)),
+        lift(row),
+      ),
+      h(
+        'div',
+        { class: 'card-line card-foot' },
+        h('span', { class: 'tags' }, (row.tags ?? []).map(tag)),
+        quality(row),
+        remarks(row),
+      ),
+    ),
+  );
+}
+
+/** Show the image before or after the attempt. */
+export function showFrame(node, after) {
+  const image = node.querySelector('img');
+  if (!image || node.dataset.frame === String(Number(after))) return;
+  node.dataset.frame = String(Number(after));
+  image.src = after ? image.dataset.after : image.dataset.before;
+}
+
+function picture(row, after) {
+  const source = (frame) =>
+    address(`/thumb/${row.store}/${row.row}.jpg`, { frame, v: (row.checksum ?? '').slice(0, 12) });
+  const [before, later] = [source(0), source(1)];
+  return h('img', {
+    alt: '',
+    loading: 'lazy',
+    decoding: 'async',
+    width: 200,
+    height: 150,
+    src: after ? later : before,
+    dataset: { before, after: later },
+    onerror: (event) => event.target.classList.add('missing'),
+  });
+}
+
+function reason(row) {
+  return h('span', { class: 'reason', title: row.error ?? '' }, row.error || 'no reason is stored');
+}
+
+function policyOf(row, library) {
+  const store =
+    library.stores.length > 1 ? `${library.stores.find((s) => s.id === row.store)?.name} · ` : '';
+  return `${store}${row.policy ?? '–'}`;
+}
+
+/** The object's id without its set, which comes first in it, unless a mere number is left. */
+function objectOf(row) {
+  const set = `${row.object_set}/`;
+  const rest = row.object_id?.startsWith(set) ? row.object_id.slice(set.length) : '';
+  return rest && !/^\d+$/.test(rest) ? rest : (row.object_id ?? '–');
+}
+
+function lift(row) {
+  if (row.lift_height === null || row.lift_height === undefined) return null;
+  return h(
+    'span',
+    { title: 'lift height' },
+    `↑ ${amount(Math.round(row.lift_height * 1000), 'mm')}`,
+  );
+}
+
+function quality(row) {
+  const score = row.data_quality ?? row.quality;
+  if (!score) return null;
+  const text = `quality ${score} of 5`;
+  return h(
+    'span',
+    { class: 'quality', title: text, role: 'img', 'aria-label': text },
+    [1, 2, 3, 4, 5].map((one) => h('i', one <= score ? { class: 'on' } : null)),
+  );
+}
+
+function remarks(row) {
+  const marks = row.marks ? h('span', { title: `${row.marks} marks on the image` }, '▣') : null;
+  const note = row.note ? h('span', { title: row.note }, '✎') : null;
+  return marks || note ? h('span', { class: 'remarks muted' }, marks, note) : null;
+}
+
+function tag(text) {
+  return h('span', { class: 'tag', dataset: { testid: 'tag' }, title: text }, text);
+}

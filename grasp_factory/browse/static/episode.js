@@ -1,0 +1,206 @@
+// The page of one episode: images, curves, points, touch and facts, moved by one slider.
+
+import { makeAnnotate, makeNotes } from './annotate.js';
+import { getJson } from './api.js';
+import { NOTHING, inOrder, makeClock } from './clock.js';
+import { makeCloud } from './cloud.js';
+import { addCompare } from './comparing.js';
+import { makeCurves } from './curves.js';
+import { h, isTyping } from './dom.js';
+import { makeFacts } from './facts.js';
+import { badge, count, readable } from './format.js';
+import { makeImages } from './images.js';
+import { makeMarks } from './marks.js';
+import { episodeHash, gridHash } from './routes.js';
+import { onChange, selected, toggle } from './selection.js';
+import { makeTactile } from './tactile.js';
+import { makeTimeline } from './timeline.js';
+
+const HELP = [
+  ['← →', 'previous, next episode of the filter'],
+  ['Space', 'play, pause'],
+  ['[ ]', 'one record back, on'],
+  ['t', 'add a tag'],
+  ['1 2 3 4 5', 'quality'],
+  ['s', 'label it a success'],
+  ['f', 'label it otherwise: choose the outcome'],
+  ['x', 'select it, or no longer'],
+  ['c', 'compare with another episode'],
+  ['Esc', 'back to all episodes'],
+];
+
+export async function show(root, route, library) {
+  const [store, row] = route.path.slice(1).map(Number);
+  const about = library.stores.find(({ id }) => id === store);
+  if (!about || !Number.isInteger(row)) throw new Error(`There is no episode ${route.path.slice(1).join('/')}.`);
+  const stopped = new AbortController();
+  const { signal } = stopped;
+  const filter = { where: route.params.getAll('where'), sort: route.params.get('sort') };
+  const [episode, neighbours] = await Promise.all([
+    getJson(`/api/episode/${store}/${row}`, null, { signal }),
+    getJson(`/api/neighbours/${store}/${row}`, filter, { signal }),
+  ]);
+  const isWhole = episode.status !== 'quarantined';
+  const stored = isWhole ? await getJson(`/api/series/${store}/${row}`, { v: episode.index.checksum }, { signal }) : NOTHING;
+  const isOrdered = inOrder(stored);
+  const series = isOrdered ? stored : NOTHING;
+
+  const id = `${store}:${row}`;
+  const clock = makeClock(series.time);
+  const notes = makeNotes({ store, row, episode });
+  const marks = makeMarks(notes.save, notes.reason);
+  const part = { store, row, episode, series, library, clock, marks, signal };
+  const annotate = makeAnnotate(notes, episode, library, marks.list, signal);
+  const head = makeHead({ id, store, row, episode, neighbours, route, about, notes });
+  const stops = [head.stop, annotate.stop, marks.stop, clock.stop, () => stopped.abort()];
+  const side = [annotate.node, makeFacts(episode, library, about)];
+
+  if (isWhole) {
+    const images = makeImages(part);
+    const cloud = makeCloud(part);
+    const groups = episodeGroups(series);
+    const curves = clock.isEmpty ? null : makeCurves(groups, bandsOf(series.phases, library), clock);
+    const timeline = makeTimeline(clock, [{ name: '', phases: series.phases }], library.phases);
+    stops.push(images.stop, cloud.stop, () => curves?.stop());
+    root.append(
+      head.node,
+      h(
+        'div',
+        { class: 'episode' },
+        h('div', { class: 'column seen' }, images.scene, images.stills, makeTactile(part).node, cloud.node),
+        h('div', { class: 'column measured' }, curves?.node ?? noRecords(episode, isOrdered)),
+        h('div', { class: 'column told' }, side),
+      ),
+      timeline.node,
+    );
+  } else {
+    root.append(head.node, h('div', { class: 'episode' }, quarantined(episode), h('div', { class: 'column told' }, side)));
+  }
+  notes.onChange(({ value }) => {
+    marks.setMarks(value.marks);
+    marks.refresh();
+  });
+  const refresh = () => marks.refresh();
+  window.addEventListener('grasp-factory:writing', refresh);
+  document.addEventListener('keydown', keys);
+  document.title = `${about.name} ${row}`;
+
+  function keys(event) {
+    if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
+    if (document.querySelector('dialog[open]')) return;
+    const isSlider = event.target.matches?.('input[type=range]');
+    const isPressed = event.target.closest?.('button, summary, a');
+    const { key } = event;
+    if (key === 'ArrowLeft' && !isSlider) head.open(neighbours.previous);
+    else if (key === 'ArrowRight' && !isSlider) head.open(neighbours.next);
+    else if (key === ' ' && !isPressed) clock.toggle();
+    else if (key === '[' && !clock.isEmpty) clock.step(-1);
+    else if (key === ']' && !clock.isEmpty) clock.step(1);
+    else if (key === 't') annotate.focusTag();
+    else if (key >= '1' && key <= '5' && !notes.reason()) notes.save([['quality', Number(key)]]);
+    else if (key === 's' && !notes.reason()) notes.save([['outcome', 'success']]);
+    else if (key === 'f') annotate.focusLabel();
+    else if (key === 'x') toggle(id);
+    else if (key === 'c') addCompare(id, route.params);
+    else if (key === 'Escape') marks.cancel() || (location.hash = gridHash(route.params));
+    else return;
+    event.preventDefault();
+  }
+
+  const leave = () => {
+    document.removeEventListener('keydown', keys);
+    window.removeEventListener('grasp-factory:writing', refresh);
+    document.title = 'grasp-factory';
+    for (const stop of stops) stop();
+  };
+  leave.help = HELP;
+  return leave;
+}
+
+function makeHead({ id, store, row, episode, neighbours, route, about, notes }) {
+  const { index } = episode;
+  const outcome = h('span', { class: 'outcome', dataset: { testid: 'outcome' } });
+  const select = h('input', { type: 'checkbox', 'aria-label': 'Selected', dataset: { testid: 'select' }, onchange: () => toggle(id, select.checked) });
+  const open = (other) => other && (location.hash = episodeHash(...other, route.params));
+  const draw = () => (select.checked = selected().has(id));
+  const stop = onChange(draw);
+  draw();
+  notes.onChange(({ value }) => outcome.replaceChildren(badge(index.outcome, value.outcome)));
+
+  const turn = (other, label, text, name) =>
+    h(
+      'a',
+      {
+        class: 'turn',
+        href: other ? episodeHash(...other, route.params) : null,
+        'aria-disabled': other ? null : 'true',
+        'aria-label': label,
+        title: label,
+        dataset: { testid: name },
+      },
+      text,
+    );
+  const { position, total, previous, next } = neighbours;
+  const where = position === null ? 'not in the filter' : `${count(position + 1)} of ${count(total)}`;
+  const words = [
+    ['object', index.object_id],
+    ['policy', index.policy],
+    ['split', index.split],
+  ];
+  const node = h(
+    'header',
+    { class: 'episode-head' },
+    h('a', { class: 'turn', href: gridHash(route.params), 'aria-label': 'All episodes (Esc)', title: 'All episodes (Esc)' }, '☰'),
+    outcome,
+    h('h1', null, h('span', { class: 'muted' }, `${about.name} `), `#${row}`),
+    h('dl', { class: 'head-facts' }, words.map(([name, text]) => h('div', null, h('dt', null, name), h('dd', { title: text, dataset: { fact: name } }, text || '–')))),
+    h('span', { class: 'grow' }),
+    h('label', { class: 'key' }, select, h('span', { class: 'select-word' }, 'Selected')),
+    h('button', { type: 'button', class: 'small', dataset: { testid: 'compare' }, onclick: () => addCompare(id, route.params) }, 'Compare'),
+    h(
+      'nav',
+      { class: 'turns', 'aria-label': 'Episodes of the filter' },
+      turn(previous, 'Previous episode (←)', '←', 'previous'),
+      h('span', { class: 'position', dataset: { testid: 'position' } }, where),
+      turn(next, 'Next episode (→)', '→', 'next'),
+    ),
+  );
+  return { node, open, stop };
+}
+
+/** Groups of /api/series as curves wants them. */
+export function episodeGroups({ groups, time, imu_time: imu }) {
+  return groups.map(({ key, title, units, clock, series }) => ({
+    key,
+    title,
+    units,
+    x: clock === 'imu' ? imu : time,
+    series: series.map(({ name, values }, i) => ({ name, values, color: `--curve-${i % 7}`, dash: name === 'target' && i > 0 })),
+  }));
+}
+
+export function bandsOf(phases, library) {
+  return phases.map((phase) => ({ ...phase, name: readable(phase.name), index: library.phases.indexOf(phase.name) }));
+}
+
+function noRecords(episode, isOrdered) {
+  const why = isOrdered
+    ? `The attempt ended before the arm moved: ${readable(episode.index.outcome)}. There are images, and no series.`
+    : 'The times of its records are not in order, so they are not shown. grasp-factory verify says what is damaged.';
+  return h(
+    'section',
+    { class: 'panel empty', dataset: { testid: 'no-records' } },
+    h('h2', null, 'No records'),
+    h('p', { class: 'muted' }, why),
+  );
+}
+
+function quarantined(episode) {
+  return h(
+    'section',
+    { class: 'panel empty', role: 'note', dataset: { testid: 'quarantined' } },
+    h('h2', null, 'Quarantined'),
+    h('p', null, 'This episode was not stored: making it failed. Its recipe is kept, so that it can be made again.'),
+    h('pre', { class: 'error-text' }, episode.error || 'no reason is stored'),
+  );
+}

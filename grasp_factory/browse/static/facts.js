@@ -1,0 +1,112 @@
+// What is stored about an episode, in words: measurements, all columns, recipe, and its command.
+
+import { h } from './dom.js';
+import { amount, readable } from './format.js';
+import { notice } from './overlays.js';
+
+const MEASURED = [
+  ...['lift_height', 'slip_distance', 'slip_angle', 'min_grip_force', 'hold_duration', 'shake_level'],
+  ...['loss_time', 'max_penetration', 'contact_area', 'table_penetration', 'collision_body'],
+];
+const SEEN = [
+  ...['quality', 'force_residual', 'stream_gap', 'sharpness', 'exposure', 'clipped'],
+  ...['target_visibility', 'target_pixels', 'depth_holes'],
+];
+const GRASPED = ['object_mass', 'grasp_width', 'grasp_score', 'grasp_proposer', 'n_steps'];
+
+/** Names and values of what a comparison shows: [{title, names}]. */
+export const FACT_GROUPS = [
+  { title: 'Label measurements', names: MEASURED },
+  { title: 'Grasp', names: GRASPED },
+  { title: 'Quality', names: SEEN },
+];
+
+/** The panel of an episode's facts. */
+export function makeFacts(episode, library, store) {
+  const columns = episode.columns ?? {};
+  const told = new Map(library.columns.map((column) => [column.name, column]));
+  const shown = new Set(FACT_GROUPS.flatMap(({ names }) => names));
+  const others = Object.keys(columns).filter((name) => !shown.has(name) && name !== 'checksum');
+  const command = `grasp-factory replay ${quoted(store.path)} ${episode.row}`;
+  return h(
+    'section',
+    { class: 'panel facts', 'aria-label': 'Facts', dataset: { testid: 'facts' } },
+    FACT_GROUPS.map(({ title, names }) => table(title, names.filter((name) => name in columns), columns, told, library)),
+    fold('All other columns', () => table('', others, columns, told, library)),
+    fold('Recipe', () => (episode.spec ? tree(episode.spec) : h('p', { class: 'muted' }, 'It cannot be read.'))),
+    columns.checksum ? [h('h3', null, 'Checksum'), h('p', { class: 'mono checksum' }, columns.checksum)] : null,
+    h('h3', null, 'Run it again'),
+    copyLine(command),
+  );
+}
+
+/** A value of a column as text, with its unit. */
+export function factText(name, value, told, library) {
+  if (name === 'collision_body') {
+    const body = library.labels.find((label) => label.value === value)?.name ?? value;
+    return readable(body === 'background' ? '–' : body);
+  }
+  if (Array.isArray(value)) return value.map((one) => factText('', one, told, library)).join(', ');
+  if (typeof value === 'boolean') return value ? 'yes' : 'no';
+  return amount(value, unitText(told.get(name)?.units ?? ''), 4);
+}
+
+/** 'm/s2' -> 'm/s²'; a unit that begins with a number is a factor. */
+export function unitText(units) {
+  const text = units.replace(/(?<=[a-z])2/g, '²').replace(/(?<=[a-z])3/g, '³');
+  return /^\d/.test(text) ? `× ${text}` : text;
+}
+
+function table(title, names, columns, told, library) {
+  if (!names.length) return null;
+  return [
+    title ? h('h3', null, title) : null,
+    h(
+      'dl',
+      { class: 'fact-table' },
+      names.map((name) => [
+        h('dt', { title: told.get(name)?.description ?? null }, readable(name)),
+        h('dd', { dataset: { fact: name } }, factText(name, columns[name], told, library)),
+      ]),
+    ),
+  ];
+}
+
+/** A part that is made when it is first opened. */
+function fold(title, make) {
+  const body = h('div', { class: 'fold-body' });
+  const open = () => body.childElementCount || body.append(...[make()].flat(3).filter(Boolean));
+  return h('details', { ontoggle: open }, h('summary', null, title), body);
+}
+
+function tree(value, name = null) {
+  const key = name === null ? null : h('span', { class: 'tree-key' }, `${name}: `);
+  if (value === null || typeof value !== 'object') {
+    return h('div', { class: 'tree-leaf' }, key, h('span', { class: 'tree-value' }, JSON.stringify(value)));
+  }
+  const entries = Object.entries(value);
+  if (entries.every(([, one]) => one === null || typeof one !== 'object') && Array.isArray(value)) {
+    return h('div', { class: 'tree-leaf' }, key, h('span', { class: 'tree-value' }, JSON.stringify(value)));
+  }
+  const children = entries.map(([inner, one]) => tree(one, inner));
+  if (name === null) return h('div', { class: 'tree' }, children);
+  return h('details', { class: 'tree' }, h('summary', null, name), children);
+}
+
+function copyLine(text) {
+  const copy = async () => {
+    try {
+      await navigator.clipboard.writeText(text);
+      notice('Copied.');
+    } catch {
+      getSelection().selectAllChildren(line);
+      notice('Marked: copy it with Ctrl-C.');
+    }
+  };
+  const line = h('code', { class: 'command-text', dataset: { testid: 'replay-command' } }, text);
+  return h('div', { class: 'copy-line' }, line, h('button', { type: 'button', class: 'small', onclick: copy }, 'Copy'));
+}
+
+function quoted(path) {
+  return /^[\w@%+=:,./-]+$/.test(path) ? path : `'${path.replaceAll("'", "'\\''")}'`;
+}

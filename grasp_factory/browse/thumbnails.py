@@ -1,0 +1,83 @@
+"""Small pictures, kept on disk over runs, by what they show; never in a store."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from grasp_factory.cache import cache_dir, digest, read, write
+from grasp_factory.errors import UsageError
+
+MOST_BYTES = 500_000_000
+_TOUCH_S = 86_400.0
+"""Seconds after which a picture that is used gets a new date: once a day is enough."""
+
+
+class Thumbnails:
+    """A folder of JPEG files, each named by a hash of the key that it belongs to.
+
+    Where the cache cannot be used, each picture is made when it is asked for.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        """Use a folder; None for the one in the cache."""
+        self._folder = folder or _folder()
+
+    def get(self, key: str, make: Callable[[], bytes]) -> bytes:
+        """Return the picture of a key, made if it is not kept."""
+        if self._folder is None:
+            return make()
+        name = digest(key.encode())
+        file = self._folder / name[:2] / f"{name}.jpg"
+        data = read(file)
+        if data:
+            _touch(file)
+            return data
+        data = make()
+        with contextlib.suppress(UsageError):
+            write(file, data)
+        return data
+
+    def prune(self, most: int = MOST_BYTES) -> int:
+        """Remove what was not used for longest until no more than so many bytes are kept.
+
+        Returns:
+            How many files were removed.
+        """
+        files = sorted(self._files(), reverse=True)
+        removed = total = 0
+        for _, size, path in files:
+            total += size
+            if total > most:
+                with contextlib.suppress(OSError):
+                    os.unlink(path)
+                    removed += 1
+        return removed
+
+    def _files(self) -> list[tuple[float, int, str]]:
+        """Return date, bytes and path of each file."""
+        found = []
+        for folder, _, names in os.walk(self._folder) if self._folder else ():
+            for name in names:
+                path = os.path.join(folder, name)
+                with contextlib.suppress(OSError):
+                    state = os.stat(path)
+                    found.append((state.st_mtime, state.st_size, path))
+        return found
+
+
+def _folder() -> Path | None:
+    try:
+        return cache_dir() / "thumbnails"
+    except UsageError:
+        return None
+
+
+def _touch(file: Path) -> None:
+    """Give a file the present date, unless it has one of today."""
+    with contextlib.suppress(OSError):
+        if time.time() - file.stat().st_mtime > _TOUCH_S:
+            os.utime(file)

@@ -1,0 +1,94 @@
+"""The addresses of one episode: its facts, series, pictures and points."""
+
+from __future__ import annotations
+
+from flask import Blueprint, Response, abort, request
+
+from grasp_factory.browse import facts
+from grasp_factory.browse.answers import BYTES, json_answer, kept
+from grasp_factory.browse.asking import whole
+from grasp_factory.browse.drawing import KINDS, picture, thumbnail, video_frame
+from grasp_factory.browse.numbers import json_bytes
+from grasp_factory.browse.points import cloud_bytes
+from grasp_factory.browse.series import episode_series, tactile
+from grasp_factory.browse.shelf import OpenStore
+from grasp_factory.browse.site import Site
+from grasp_factory.writers.header import read_array
+
+
+def routes(site: Site) -> Blueprint:
+    """Return the addresses of one episode."""
+    pages = Blueprint("viewing", __name__)
+
+    @pages.get("/api/episode/<n:store>/<n:row>")
+    def episode(store: int, row: int) -> Response:
+        site.freshness.soon()
+        opened, indexed = site.store(store), site.index.row(store, row)
+        if indexed is None:
+            abort(404, f"store {store} has no episode {row}")
+        return json_answer(facts.episode(opened, row, indexed))
+
+    @pages.get("/api/series/<n:store>/<n:row>")
+    def series(store: int, row: int) -> Response:
+        opened, checksum = site.episode(store, row)
+        make = lambda: json_bytes(episode_series(opened, row))  # noqa: E731
+        return kept(checksum, "application/json", make)
+
+    @pages.get("/api/tactile/<n:store>/<n:row>")
+    def touch(store: int, row: int) -> Response:
+        opened, checksum = site.episode(store, row)
+        return kept(checksum, BYTES, lambda: tactile(opened, row))
+
+    @pages.get("/image/<n:store>/<n:row>/<camera>/<kind>/<n:frame>.png")
+    def image(store: int, row: int, camera: str, kind: str, frame: int) -> Response:
+        opened, checksum = site.episode(store, row)
+        _check_camera(opened, camera)
+        if kind not in KINDS or frame > 1:
+            abort(404, f"there is no such image; kinds: {', '.join(KINDS)}; frames: 0 and 1")
+        return kept(
+            checksum, "image/png", lambda: picture(opened.dataset, row, camera, kind, frame)
+        )
+
+    @pages.get("/video/<n:store>/<n:row>/<camera>/<n:frame>.jpg")
+    def video(store: int, row: int, camera: str, frame: int) -> Response:
+        opened, checksum = site.episode(store, row)
+        _check_camera(opened, camera)
+        films = opened.arrays.get(f"videos/{camera}/rgb")
+        if films is None or frame >= int(opened.dataset.value(row, "n_video")):
+            abort(404, "there is no such frame")
+        return kept(checksum, "image/jpeg", lambda: video_frame(read_array(films, row, frame)))
+
+    @pages.get("/thumb/<n:store>/<n:row>.jpg")
+    def thumb(store: int, row: int) -> Response:
+        opened, checksum = site.episode(store, row)
+        camera = _asked_camera(opened) or next(iter(opened.dataset.config.cameras))
+        frame = whole("frame", 0, 1)
+        key = f"{checksum} {frame} {camera}"
+        make = lambda: thumbnail(opened.dataset, row, camera, frame)  # noqa: E731
+        return kept(checksum, "image/jpeg", lambda: site.thumbnails.get(key, make))
+
+    @pages.get("/cloud/<n:store>/<n:row>/<n:frame>")
+    def cloud(store: int, row: int, frame: int) -> Response:
+        opened, checksum = site.episode(store, row)
+        if frame > 1:
+            abort(404, "there is no such cloud; frames: 0 and 1")
+        camera = _asked_camera(opened)
+        make = lambda: cloud_bytes(opened.dataset.point_cloud(row, camera, frame))  # noqa: E731
+        return kept(checksum, BYTES, make)
+
+    return pages
+
+
+def _asked_camera(opened: OpenStore) -> str | None:
+    """Return the camera that the request names, None if it names none."""
+    camera = request.args.get("camera")
+    if not camera:
+        return None
+    _check_camera(opened, camera)
+    return camera
+
+
+def _check_camera(opened: OpenStore, camera: str) -> None:
+    cameras = opened.dataset.config.cameras
+    if camera not in cameras:
+        abort(404, f"there is no such camera; cameras: {', '.join(cameras)}")
