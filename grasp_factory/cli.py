@@ -17,12 +17,15 @@ import click
 
 from grasp_factory import __version__
 from grasp_factory.arguments import AS_JSON, STORE, Commands, print_json
+from grasp_factory.cli_browse import browse
 from grasp_factory.cli_card import card
 from grasp_factory.cli_flywheel import flywheel
-from grasp_factory.cli_look import preview, sheet
+from grasp_factory.cli_index import index, query
+from grasp_factory.cli_look import plot, preview, sheet
 from grasp_factory.cli_merge import merge, split
-from grasp_factory.cli_replay import replay
+from grasp_factory.cli_replay import replay, rerun_
 from grasp_factory.cli_store import repair, verify
+from grasp_factory.cli_tag import tag, tags
 from grasp_factory.cli_train import learning_curve, train
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import (
@@ -33,7 +36,13 @@ from grasp_factory.errors import (
     FailuresError,
     Terminated,
 )
-from grasp_factory.options import dataset_options, request_from, run_options
+from grasp_factory.options import (
+    check_live,
+    dataset_options,
+    live_options,
+    request_from,
+    run_options,
+)
 from grasp_factory.records import to_plain
 from grasp_factory.request import Request
 
@@ -59,16 +68,25 @@ def cli(ctx: click.Context) -> None:
 @dataset_options
 @click.option("--print-config", is_flag=True, help="Print the settings as YAML and make nothing.")
 @click.option("--dry-run", is_flag=True, help="Make some, keep none; say what the run would take.")
+@live_options
 @click.option("--quiet", is_flag=True, help="Print errors only.")
 @AS_JSON
 def generate(
-    *, print_config: bool, dry_run: bool, quiet: bool, as_json: bool, **options: Any
+    *,
+    print_config: bool,
+    dry_run: bool,
+    live: bool,
+    live_port: int | None,
+    quiet: bool,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Make grasp episodes, or complete a store.
 
     The same settings give the same episodes, whatever the number of workers; what is there
     already stays as it is. So a run may be stopped, and started again with the same command.
     """
+    check_live(live=live, live_port=live_port, makes_something=not (print_config or dry_run))
     request = request_from(**options)
     if print_config:
         from grasp_factory.factory import check_names
@@ -87,9 +105,10 @@ def generate(
             click.echo(forecast_text(found))
         return
     try:
-        from grasp_factory.progress import make
+        from grasp_factory.progress import live_view, make
 
-        summary = make(request, quiet=quiet)
+        view = live_view(live_port, quiet=quiet) if live else None
+        summary = make(request, quiet=quiet, view=view)
     except KeyboardInterrupt as why:
         _stopped(request, why)
     if as_json:
@@ -120,7 +139,7 @@ def info(path: Path, as_json: bool) -> None:
         more = {"attributes": dict(dataset.attributes), "arrays": arrays}
         print_json(to_plain(store) | more)
         return
-    click.echo(report.store_text(store, ("policy", "outcome", "object set", "split")))
+    click.echo(report.store_text(store, report.GROUPS))
     click.echo("\n" + report.arrays_text(arrays))
     click.echo("\n" + report.origin_text(dataset.attributes))
 
@@ -216,8 +235,8 @@ _add_listing("policies", "List the policies, which choose grasps from images.")
 _add_listing("cameras", "List the cameras that have names.")
 
 for _command in (
-    *(card, flywheel, learning_curve, merge, preview, repair, replay, sheet, split),
-    *(train, verify),
+    *(browse, card, flywheel, index, learning_curve, merge, plot, preview, query, repair),
+    *(replay, rerun_, sheet, split, tag, tags, train, verify),
 ):
     cli.add_command(_command)
 

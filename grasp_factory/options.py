@@ -154,12 +154,42 @@ _RUN_OPTIONS = (
     ),
 )
 
+_LIVE_OPTIONS = (
+    click.option(
+        "--live", is_flag=True, help="Serve a page meanwhile that shows progress and alarms."
+    ),
+    click.option(
+        "--live-port",
+        type=click.IntRange(1, 65535),
+        help="Where --live listens.  [default: 8642, or the next one that is free]",
+    ),
+)
+
 
 def run_options(command: F) -> F:
     """Add the options that say how much is made, where to and how; see ``dataset_options``."""
     for option in reversed(_RUN_OPTIONS):
         command = option(command)
     return command
+
+
+def live_options(command: F) -> F:
+    """Add the options of the live view; see ``check_live``."""
+    for option in reversed(_LIVE_OPTIONS):
+        command = option(command)
+    return command
+
+
+def check_live(*, live: bool, live_port: int | None, makes_something: bool) -> None:
+    """Check the options of the live view.
+
+    Raises:
+        UsageError: for a port without a view, or a view of a run that makes nothing.
+    """
+    if live_port is not None and not live:
+        raise UsageError("--live-port is for the live view: add --live")
+    if live and not makes_something:
+        raise UsageError("--live shows episodes being made: leave out --dry-run and --print-config")
 
 
 def dataset_options(command: F) -> F:

@@ -6,6 +6,7 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from tqdm import tqdm  # type: ignore[import-untyped]
@@ -18,6 +19,9 @@ from grasp_factory.executors import ProcessExecutor
 from grasp_factory.factory import Plan, Summary, generate
 from grasp_factory.report import percent, plan_text
 from grasp_factory.request import Request
+
+if TYPE_CHECKING:
+    from grasp_factory.live import LiveView
 
 _BAR = "{percentage:3.0f} % |{bar}| {n}/{total} [{elapsed}, {remaining} left, {rate_fmt}{postfix}]"
 tqdm.monitor_interval = 0  # no helper thread: signals and spawned workers stay simple
@@ -115,9 +119,26 @@ class Progress:
             self._bar.close()
 
 
-def make(request: Request, *, quiet: bool) -> Summary:
-    """Run a request with its progress shown; see ``factory.generate``."""
-    with Progress(quiet=quiet) as progress:
+def make(request: Request, *, quiet: bool, view: LiveView | None = None) -> Summary:
+    """Run a request with its progress shown, in a live view as well if there is one.
+
+    See ``factory.generate``.
+    """
+    with Progress(quiet=quiet) as progress, view or contextlib.nullcontext():
+        followers: list[Progress | LiveView] = [progress] if view is None else [progress, view]
+
+        def start(plan: Plan) -> None:
+            for follower in followers:
+                follower.start(plan)
+
+        def episode(made: Made) -> None:
+            for follower in followers:
+                follower.episode(made)
+
+        def loss(text: str) -> None:
+            for follower in followers:
+                follower.loss(text)
+
         return generate(
             request.config,
             request.n,
@@ -127,10 +148,26 @@ def make(request: Request, *, quiet: bool) -> Summary:
             episode_timeout=request.episode_timeout,
             max_failures=request.max_failures,
             retry_quarantined=request.retry_quarantined,
-            on_start=progress.start,
-            on_episode=progress.episode,
-            on_loss=progress.loss,
+            on_start=start,
+            on_episode=episode,
+            on_loss=loss,
         )
+
+
+def live_view(port: int | None, *, quiet: bool) -> LiveView:
+    """Return a live view that tells of itself between the lines of the bar; see ``live.LiveView``.
+
+    Args:
+        port: where to listen; None for the default, or the next one that is free.
+        quiet: tell of nothing but where it is.
+    """
+    from grasp_factory.live import LiveView  # noqa: PLC0415 - of the [browse] extra
+
+    return LiveView(port, tell=(lambda text: None) if quiet else _write, announce=_write)
+
+
+def _write(text: str) -> None:
+    tqdm.write(text, file=sys.stderr)
 
 
 def forecast(request: Request) -> dryrun.Forecast:

@@ -1,0 +1,27 @@
+"""The live view: what a run is doing, told while it runs, with alarms when something goes wrong.
+
+``state`` remembers what happened, ``alarms`` says what is wrong with it; both are pure. ``facts``
+reads what is committed, ``watch`` does all this in a thread of its own, ``view`` serves it.
+"""
+
+from __future__ import annotations
+
+from grasp_factory.live.alarms import Alarm, AlarmBook, Finding, findings
+from grasp_factory.live.drift import SuccessDrift
+from grasp_factory.live.facts import BlockFacts, Disk, Facts
+from grasp_factory.live.state import Asked, LiveState
+from grasp_factory.live.view import LiveView
+
+__all__ = [
+    "Alarm",
+    "AlarmBook",
+    "Asked",
+    "BlockFacts",
+    "Disk",
+    "Facts",
+    "Finding",
+    "LiveState",
+    "LiveView",
+    "SuccessDrift",
+    "findings",
+]

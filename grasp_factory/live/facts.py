@@ -1,0 +1,119 @@
+"""What the store says of the latest episodes: cheap columns of committed blocks, and the disk."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from grasp_factory.blocks import Made
+from grasp_factory.dataset import Dataset
+from grasp_factory.inspection import exposure, grey
+from grasp_factory.quality import MEASURED
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.sizes import bytes_of_blocks
+from grasp_factory.writers.zarr import COMMITTED, QUARANTINED
+
+FRAMES = ("before", "after")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Light:
+    """How bright an image is."""
+
+    mean: float
+    """Grey value, 0 black to 1 white."""
+    clipped: float
+    """Share of black or white pixels."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """What is read of a committed episode."""
+
+    row: int
+    outcome: str
+    object_id: str = ""
+    checksum: str = ""
+    quality: int | None = None
+    lengths: Mapping[str, int] = field(default_factory=dict)
+    """Records by column: ``n_steps``, ``n_imu``, and ``n_video`` where there are videos."""
+    measured: Mapping[str, float] = field(default_factory=dict)
+    """By column: what the quality score is made from, as far as the store has it."""
+    images: Mapping[str, Light] = field(default_factory=dict)
+    """By camera and frame, as ``front before``; of the episodes that were looked at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disk:
+    """Room on the store's disk, bytes."""
+
+    free: int
+    per_episode: float
+    """What an episode takes, from a block that is committed; 0 before there is one."""
+
+
+class BlockFacts:
+    """Reads facts of a store while it is written; nothing is kept open that a run replaces."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the store at ``path``.
+
+        Raises:
+            GraspFactoryError: if it cannot be opened.
+        """
+        self._dataset, self._columns = Dataset.open(path), Columns.open(path)
+        names = set(self._columns.names)
+        self._lengths = [name for name in ("n_steps", "n_imu", "n_video") if name in names]
+        self._measured = [name for name in MEASURED if name in names]
+        self._more = [name for name in ("object_id", "checksum", "quality") if name in names]
+
+    def committed(self, made: Sequence[Made]) -> bool:
+        """Say whether all these episodes, of one block, are in the store as they were told."""
+        first, last = made[0].index, made[-1].index
+        statuses = self._columns.read_rows("status", first, last + 1)
+        return all(
+            int(statuses[m.index - first])
+            == (QUARANTINED if m.outcome == "quarantined" else COMMITTED)
+            for m in made
+        )
+
+    def read(self, made: Sequence[Made]) -> list[Facts]:
+        """Return the facts of episodes of one block, ascending, those in quarantine left out."""
+        first, last = made[0].index, made[-1].index
+        names = (*self._lengths, *self._measured, *self._more)
+        values = {name: self._columns.read_rows(name, first, last + 1) for name in names}
+        out = []
+        for m in made:
+            if m.outcome != "quarantined":
+                own = {name: values[name][m.index - first] for name in names}
+                out.append(
+                    Facts(
+                        row=m.index,
+                        outcome=m.outcome,
+                        object_id=str(own.get("object_id", "")),
+                        checksum=str(own.get("checksum", "")),
+                        quality=int(own["quality"]) if "quality" in own else None,
+                        lengths={name: int(own[name]) for name in self._lengths},
+                        measured={name: float(own[name]) for name in self._measured},
+                    )
+                )
+        return out
+
+    def images(self, row: int) -> dict[str, Light]:
+        """Look at an episode's images, of all cameras, before and after."""
+        out = {}
+        for camera in self._dataset.config.cameras:
+            for frame, name in enumerate(FRAMES):
+                mean, clipped = exposure(grey(self._dataset.image(row, camera, "rgb", frame)))
+                out[f"{camera} {name}"] = Light(mean=mean, clipped=clipped)
+        return out
+
+    def disk(self, block: int | None) -> Disk:
+        """Return the room that there is, and what an episode of a committed block takes."""
+        free = shutil.disk_usage(self._columns.path).free
+        if block is None:
+            return Disk(free=free, per_episode=0.0)
+        start, stop = self._columns.rows(block)
+        return Disk(free=free, per_episode=bytes_of_blocks(self._columns, [block]) / (stop - start))

@@ -1,0 +1,150 @@
+"""What has happened in a run so far, in few numbers however long it is."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from grasp_factory.blocks import Made
+from grasp_factory.live.drift import Shift, SuccessDrift
+from grasp_factory.live.facts import Disk, Facts, Light
+from grasp_factory.live.windows import Pace, Windows
+from grasp_factory.quality import QualityConfig
+
+LATEST = 24
+"""Episodes that are shown."""
+RECENT = 50
+"""Episodes whose facts the alarms look at."""
+MINUTE_S = 60.0
+QUARANTINED = "quarantined"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What a run was asked to do, as far as its watch needs it."""
+
+    to_make: int
+    already_there: int = 0
+    workers: int = 1
+    block_size: int = 8
+    quality: QualityConfig = field(default_factory=QualityConfig)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """Something that a person should know, and when, in seconds after the start."""
+
+    at: float
+    text: str
+
+
+class LiveState:
+    """Follows a run. Times are seconds after its start; nothing here asks a clock.
+
+    Attributes:
+        asked: what it was asked to do.
+        made: episodes so far, those in quarantine among them.
+        outcomes: their number by word, ``quarantined`` among them.
+        latest_at: when the last one was made; None before the first.
+        windows: outcomes over time.
+        pace: episodes by the clock.
+        recent: quarantined or not, of the last ``RECENT``.
+        facts: of the last ``RECENT`` episodes that are committed.
+        latest: the last ``LATEST`` rows that are in the store, newest first.
+        waiting: rows that are made, of blocks that are not committed yet.
+        losses: the last lines on lost workers.
+        disk: the room that there is; None before it was measured.
+    """
+
+    def __init__(self, asked: Asked) -> None:
+        self.asked = asked
+        self.made = 0
+        self.outcomes: Counter[str] = Counter()
+        self.latest_at: float | None = None
+        self.windows, self.pace = Windows(), Pace()
+        self.recent: deque[bool] = deque(maxlen=RECENT)
+        self.facts: deque[Facts] = deque(maxlen=RECENT)
+        self.latest: deque[dict[str, Any]] = deque(maxlen=LATEST)
+        self.waiting: dict[int, list[Made]] = {}
+        self.losses: deque[Told] = deque(maxlen=LATEST)
+        self.lost = 0
+        self.disk: Disk | None = None
+        self._drift = SuccessDrift(asked.to_make)
+
+    @property
+    def quarantined(self) -> int:
+        """Episodes of this run that are in quarantine."""
+        return self.outcomes[QUARANTINED]
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successes among the attempts; None before the first."""
+        attempts = self.made - self.quarantined
+        return self.outcomes["success"] / attempts if attempts else None
+
+    @property
+    def left(self) -> int:
+        """Episodes that are still to be made."""
+        return max(0, self.asked.to_make - self.made)
+
+    @property
+    def shift(self) -> Shift | None:
+        """The change of the success rate that the run is in, if there is one."""
+        return self._drift.shift
+
+    def add(self, made: Made, at: float) -> None:
+        """Follow an episode that was made; its block is not committed yet."""
+        self.made += 1
+        self.outcomes[made.outcome] += 1
+        self.latest_at = at
+        self.windows.add(made.outcome, at)
+        self.pace.add(at)
+        self.recent.append(made.outcome == QUARANTINED)
+        if made.outcome != QUARANTINED:
+            self._drift.add(made.outcome == "success")
+        self.waiting.setdefault(made.index // self.asked.block_size, []).append(made)
+
+    def lose(self, text: str, at: float) -> None:
+        """Follow the loss of a worker."""
+        self.lost += 1
+        self.losses.append(Told(at=at, text=text))
+
+    def commit(self, block: int, facts: Iterable[Facts]) -> None:
+        """Follow a block's commit, with the facts of its episodes."""
+        found = {fact.row: fact for fact in facts}
+        for made in self.waiting.pop(block):
+            fact = found.get(made.index)
+            self.latest.appendleft(_entry(made, fact))
+            if fact is not None:
+                self.facts.append(fact)
+
+    def look(self, row: int, images: dict[str, Light]) -> None:
+        """Add what was seen in an episode's images to its facts, if they are still there."""
+        for place, fact in enumerate(self.facts):
+            if fact.row == row:
+                self.facts[place] = replace(fact, images=images)
+
+    def rates(self, now: float) -> dict[str, float]:
+        """Return episodes per second of the last minute and of the whole run."""
+        whole = self.made / now if now > 0.0 else 0.0
+        return {"minute": self.pace.latest(MINUTE_S, now), "run": whole}
+
+    def seconds_left(self, now: float) -> float | None:
+        """Return how long the rest will take at the last minute's rate; None if it makes none."""
+        rate = self.rates(now)["minute"]
+        return self.left / rate if rate > 0.0 else None
+
+
+def _entry(made: Made, fact: Facts | None) -> dict[str, Any]:
+    """Return what the page shows of an episode that is in the store."""
+    return {
+        "row": made.index,
+        "outcome": made.outcome,
+        "policy": made.policy,
+        "error": made.reason,
+        "object_id": fact.object_id if fact else "",
+        "quality": fact.quality if fact else None,
+        "version": fact.checksum[:12] if fact else "",
+    }
