@@ -584,3 +584,82 @@ def test_a_page_that_is_left_stops_playing_and_gives_its_webgl_back(
             page.press(" ")
     lost = [entry["message"] for entry in page.driver.get_log("browser")]
     assert [message for message in lost if "context" in message.lower()] == []
+
+
+def test_what_is_typed_stays_until_the_server_has_taken_it(
+    show: Callable[..., Page], told: Callable[[str], Any]
+) -> None:
+    page = show(REAL, 2)
+    page.script("window.fetchAsIs = fetch; window.fetch = () => Promise.reject(new Error('away'))")
+    type_into(page, "tag-input", "kept tag\n")
+    page.until(lambda: page.text("save-state").startswith("Not saved"), "the tag is refused")
+    page.until(lambda: page.one("tag-input").get_attribute("value") == "kept tag", "it is back")
+    type_into(page, "note", "kept note")
+    page.one("note").send_keys("\ue009\n")  # Ctrl-Enter
+    page.until(lambda: page.text("save-state").startswith("Not saved"), "the note is refused")
+    page.script("document.activeElement.blur()")
+    assert page.one("note").get_attribute("value") == "kept note"
+    page.script("window.fetch = window.fetchAsIs")
+    type_into(page, "tag-input", "\n")
+    page.until(lambda: page.all("tag"), "the tag")
+    page.one("note").click()  # and the page is closed with the focus in the note
+    page.reload()
+    page.until(lambda: page.one("note").get_attribute("value") == "kept note", "the note")
+    annotation = told(f"api/episode/{REAL}/2")["annotation"]
+    assert (annotation["tags"], annotation["note"]) == (["kept tag"], "kept note")
+
+
+def test_arrow_keys_count_while_an_episode_is_loading(show: Callable[..., Page]) -> None:
+    search = "?where=store%3D0&sort=row"
+    page = show(REAL, 0, search)
+    key = "document.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight'}));"
+    page.script(key * 3)
+    page.until(lambda: page.css("h1").text.endswith("#3"), "three episodes on")
+    assert page.hash == f"#/episode/{REAL}/3{search}"
+    page.one("slider")
+    assert len(page.all("slider")) == 1
+
+
+def test_what_another_tab_changed_shows_when_the_page_gets_the_focus(
+    show: Callable[..., Page], server: Server
+) -> None:
+    page = show(REAL, 3)
+    body = {"episodes": [[REAL, 3]], "who": "other", "changes": [["tag", "from elsewhere"]]}
+    headers = {"X-Token": server.token, "Content-Type": "application/json"}
+    request = urllib.request.Request(
+        f"{server.plain_url}api/annotations", json.dumps(body).encode(), headers
+    )
+    urllib.request.urlopen(request).close()
+    page.script("window.dispatchEvent(new Event('focus'))")
+    page.until(
+        lambda: "from elsewhere" in [t.get_attribute("data-tag") for t in page.all("tag")], "it"
+    )
+    page.css(".changes summary").click()
+    assert "other tagged from elsewhere" in page.text("history")
+
+
+def test_ticks_have_the_decimals_of_their_step(page: Page) -> None:
+    code = """
+      const done = arguments[arguments.length - 1];
+      import('/static/legend.js').then(({tickTexts}) => done(arguments[0].map(tickTexts)));
+    """
+    asked = [[0, 0.25, 0.5], [0, 0.025], [0, 2.5, 5], [-0.1, 0, 0.1 + 0.2], [10, 20], [0.5]]
+    expected = [["0.00", "0.25", "0.50"], ["0.000", "0.025"], ["0.0", "2.5", "5.0"]]
+    expected += [["\u22120.1", "0.0", "0.3"], ["10", "20"], ["0.5"]]
+    assert page.driver.execute_async_script(code, asked) == expected
+
+
+def test_a_wrong_address_says_what_is_wrong_and_leads_to_all_episodes(page: Page) -> None:
+    for fragment, words in (
+        ("#/episode/0", "two numbers"),
+        ("#/episode/0/x", "no episode 0/x"),
+        (f"#/compare/{REAL}:0,{REAL}:0", "is both"),
+    ):
+        page.go(fragment)
+        page.until(lambda words=words: words in page.css(".state").text, words)
+        page.css('.state a[href="#/"]').click()
+        page.one("card")
+
+
+def test_the_first_record_has_its_phase(show: Callable[..., Page]) -> None:
+    assert show(REAL, 0).text("phase") == "pregrasp"

@@ -608,3 +608,54 @@ def test_a_server_that_has_gone_is_told_with_what_to_do(
     tab.press("n")
     tab.until(lambda: "does not answer" in tab.text("grid-state"), "it says so")
     tab.trouble()
+
+
+def test_an_address_with_a_bad_order_says_so_and_offers_the_usual_one(page: Page) -> None:
+    page.go("#/?sort=-weight")
+    page.until(lambda: "“weight”" in page.text("grid-state"), "the column is named")
+    assert "lift_height" in page.text("grid-state")
+    page.css('[data-testid="grid-state"] button').click()
+    page.one("card")
+    assert "sort" not in page.hash
+    assert [line for line in page.trouble() if "400" not in line] == []
+
+
+def test_a_selection_is_of_its_stores_and_of_episodes_that_there_are(
+    page: Page, server: Server
+) -> None:
+    page.script("document.querySelector('[data-testid=card] input').click()")
+    [key] = page.script("return Object.keys(sessionStorage).filter((k) => k.includes('selection'))")
+    assert "grasps.zarr" in key
+    # As another store leaves it that was served at the same address.
+    page.script(
+        "sessionStorage.clear(); sessionStorage.setItem('grasp-factory-selection', '[\"0:1\"]')"
+    )
+    page.open(server.plain_url)
+    settled(page)
+    assert not page.one("total").text.startswith("0")
+    assert not page.all("select-count")[0].is_displayed()
+    # Store 0 has not so many rows, and there is no store 7.
+    page.script(
+        "sessionStorage.setItem(arguments[0], arguments[1])", key, '["0:2", "0:99999", "7:0"]'
+    )
+    page.open(server.plain_url)
+    settled(page)
+    assert page.text("select-count").startswith("1 ")
+
+
+def test_a_card_shows_few_of_many_tags_and_how_many_more_there_are(page: Page) -> None:
+    code = """
+      const done = arguments[arguments.length - 1];
+      Promise.all([import('/static/cards.js'), import('/static/api.js')]).then(([{card}]) => {
+        const row = {store: 0, row: 1, status: 'committed', outcome: 'success', tags: arguments[0],
+                     lift_height: -0.0001, checksum: ''};
+        const node = card(row, new URLSearchParams(), {stores: [{id: 0}]}, false);
+        const texts = (name) => [...node.querySelectorAll(`[data-testid=${name}]`)];
+        done([texts('tag').length, texts('more-tags').map((one) => [one.textContent, one.title]),
+              node.querySelector('[title="lift height"]').textContent]);
+      });
+    """
+    few = page.driver.execute_async_script(code, ["a", "b", "c"])
+    assert few == [3, [], "↑ 0 mm"]
+    many = page.driver.execute_async_script(code, list("abcde"))
+    assert many[:2] == [2, [["+3", "a, b, c, d, e"]]]

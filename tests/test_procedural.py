@@ -197,9 +197,9 @@ class TestModels:
 
     def test_making_a_model_takes_less_than_three_milliseconds(self) -> None:
         some(50)
-        start = time.perf_counter()
+        start = time.process_time()  # a busy machine does not count
         some(100)
-        assert (time.perf_counter() - start) / 100 < 0.003
+        assert (time.process_time() - start) / 100 < 0.003
 
     def test_everything_that_is_seen_is_a_mesh_file(self) -> None:
         for model in some(200):

@@ -111,6 +111,7 @@ class TestAWholeStore:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_a_changed_byte_is_reported_or_is_no_content(store: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(store, tmp_path / "store"))
     truth, checked_truth = dict(readings(copy)), dict(readings(copy, checked=True))

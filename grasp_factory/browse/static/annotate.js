@@ -3,6 +3,7 @@
 import { getJson, postAnnotations, setWho, who, whyReadOnly } from './api.js';
 import { h } from './dom.js';
 import { readable } from './format.js';
+import { notice } from './overlays.js';
 
 const QUALITIES = [1, 2, 3, 4, 5];
 const LONGEST = { tag: 64, note: 4000, who: 64 };
@@ -12,19 +13,30 @@ let completions = 0;
 
 /**
  * What is set, written by one change after the other.
- * Returns an object with `value`, `history`, save(changes), onChange(f), onState(f), reason().
+ * Returns an object with `value`, `history`, save(changes), saveNow(changes), reread(), onChange(f),
+ * onState(f), reason().
  */
-export function makeNotes({ store, row, episode }) {
+export function makeNotes({ store, row, episode, signal }) {
   const changed = new Set();
   const stated = new Set();
   let queue = Promise.resolve();
+  let waiting = 0;
   const notes = {
     value: episode.annotation ?? EMPTY,
     history: episode.history ?? [],
     reason: whyReadOnly,
     /** Resolves to whether it was written. */
     save(changes) {
+      waiting += 1;
       queue = queue.then(() => write(changes));
+      queue.then(() => --waiting || notes.reread());
+      return queue;
+    },
+    /** Write without waiting for earlier changes: the page is being closed. */
+    saveNow: (changes) => write(changes),
+    /** Ask what is stored by now: others may have changed it, and they and the server keep the history. */
+    reread() {
+      queue = queue.then(read);
       return queue;
     },
     onChange(f) {
@@ -37,10 +49,8 @@ export function makeNotes({ store, row, episode }) {
   async function write(changes) {
     tell('saving', 'Saving …');
     try {
-      const [told] = await postAnnotations([[store, row]], changes);
+      const [told] = await postAnnotations([[store, row]], changes, { keepalive: true });
       notes.value = told.annotation ?? EMPTY;
-      const when = new Date().toISOString();
-      notes.history = [...notes.history, ...changes.map(([kind, value]) => ({ when, who: who(), kind, value }))];
       tell('saved', `Saved at ${new Date().toLocaleTimeString()}`);
       for (const f of changed) f(notes);
       return true;
@@ -48,6 +58,20 @@ export function makeNotes({ store, row, episode }) {
       tell('failed', `Not saved: ${error.message}`);
       for (const f of changed) f(notes);
       return false;
+    }
+  }
+
+  async function read() {
+    if (waiting || signal.aborted) return;
+    try {
+      const told = await getJson(`/api/episode/${store}/${row}`, null, { signal });
+      // A change that was made meanwhile is newer, and reads again.
+      if (waiting) return;
+      notes.value = told.annotation ?? EMPTY;
+      notes.history = told.history ?? [];
+      for (const f of changed) f(notes);
+    } catch {
+      // What was known still shows; the next save says what is wrong.
     }
   }
 
@@ -91,7 +115,7 @@ export function makeAnnotate(notes, episode, library, markList, signal) {
     placeholder: 'what is to be seen here',
     'aria-label': 'Note',
     dataset: { testid: 'note' },
-    onblur: saveNote,
+    onblur: () => saveNote(),
     onkeydown: (event) => {
       if (event.key === 'Enter' && (event.ctrlKey || event.metaKey)) saveNote();
       if (event.key === 'Escape') note.blur();
@@ -107,17 +131,32 @@ export function makeAnnotate(notes, episode, library, markList, signal) {
   const history = h('ol', { class: 'history', dataset: { testid: 'history' } });
   const why = h('p', { class: 'read-only', dataset: { testid: 'read-only-reason' } });
   const inputs = [tag, corrected, note, name];
+  let stored = ''; // what the server has; what differs from it was typed here
 
-  function addTag() {
+  async function addTag() {
     const words = tag.value.split(',').map((word) => word.trim()).filter(Boolean);
     const more = words.filter((word) => !notes.value.tags.includes(word));
     tag.value = '';
-    if (more.length) notes.save(more.map((word) => ['tag', word]));
+    if (!more.length || (await notes.save(more.map((word) => ['tag', word])))) return;
+    // What was refused is there again, before what was typed meanwhile.
+    tag.value = [...more, tag.value].filter(Boolean).join(', ');
   }
 
-  function saveNote() {
-    if (note.value !== notes.value.note && !notes.reason()) notes.save([['note', note.value]]);
+  async function saveNote(save = notes.save) {
+    const text = note.value;
+    if (text === stored || notes.reason()) return true;
+    const isSaved = await save([['note', text]]);
+    if (isSaved && note.value === text) showNote();
+    return isSaved;
   }
+
+  function showNote() {
+    if (note.value !== notes.value.note) note.value = notes.value.note;
+    stored = note.value; // a field has line breaks of its own
+  }
+
+  const saveClosing = () => saveNote(notes.saveNow);
+  const reread = () => document.visibilityState === 'visible' && notes.reread();
 
   function draw() {
     const { value } = notes;
@@ -128,7 +167,7 @@ export function makeAnnotate(notes, episode, library, markList, signal) {
     tags.replaceChildren(...value.tags.map((word) => tagItem(word, reason)));
     score.replaceChildren(...QUALITIES.map((level) => scoreButton(level, value.quality, reason)));
     corrected.value = value.outcome ?? '';
-    if (document.activeElement !== note) note.value = value.note;
+    if (note.value === stored || note.value === value.note) showNote();
     if (document.activeElement !== name) name.value = who();
     history.replaceChildren(...notes.history.toReversed().map(historyItem));
   }
@@ -169,6 +208,9 @@ export function makeAnnotate(notes, episode, library, markList, signal) {
   });
   notes.onChange(draw);
   window.addEventListener('grasp-factory:writing', draw);
+  window.addEventListener('pagehide', saveClosing);
+  window.addEventListener('focus', reread);
+  document.addEventListener('visibilitychange', reread);
   complete(known, signal);
 
   return {
@@ -189,9 +231,12 @@ export function makeAnnotate(notes, episode, library, markList, signal) {
     ),
     focusTag: () => tag.focus(),
     focusLabel: () => corrected.focus(),
-    stop() {
+    async stop() {
       window.removeEventListener('grasp-factory:writing', draw);
-      saveNote();
+      window.removeEventListener('pagehide', saveClosing);
+      window.removeEventListener('focus', reread);
+      document.removeEventListener('visibilitychange', reread);
+      if (!(await saveNote())) notice('The note of the last episode was not saved: write it again there.', { bad: true });
     },
   };
 }

@@ -79,13 +79,17 @@ export async function getBytes(path, { signal } = {}) {
   return (await ask(path, { signal })).arrayBuffer();
 }
 
-/** episodes: [[store, row], ...]; changes: [[kind, value], ...]; gives [{store, row, annotation}]. */
-export async function postAnnotations(episodes, changes) {
+/**
+ * episodes: [[store, row], ...]; changes: [[kind, value], ...]; gives [{store, row, annotation}].
+ * keepalive: the request goes on when the page is closed; a browser takes up to 64 kB of them.
+ */
+export async function postAnnotations(episodes, changes, { keepalive = false } = {}) {
   const readOnly = whyReadOnly();
   if (readOnly) throw new ApiError(readOnly, 403);
   try {
     const answer = await ask('/api/annotations', {
       method: 'POST',
+      keepalive,
       headers: { 'Content-Type': 'application/json', 'X-Token': token },
       body: JSON.stringify({ episodes, who: who(), changes }),
     });

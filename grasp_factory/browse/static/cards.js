@@ -6,6 +6,8 @@ import { amount, badge, readable } from './format.js';
 import { episodeHash } from './routes.js';
 import { selected } from './selection.js';
 
+const MOST_TAGS = 3;
+
 function idOf(row) {
   return `${row.store}:${row.row}`;
 }
@@ -64,7 +66,7 @@ export function card(row, params, library, after) {
       h(
         'div',
         { class: 'card-line card-foot' },
-        h('span', { class: 'tags' }, (row.tags ?? []).map(tag)),
+        h('span', { class: 'tags' }, tagsOf(row.tags ?? [])),
         quality(row),
         remarks(row),
       ),
@@ -118,7 +120,7 @@ function lift(row) {
   return h(
     'span',
     { title: 'lift height' },
-    `↑ ${amount(Math.round(row.lift_height * 1000), 'mm')}`,
+    `↑ ${amount(Math.round(row.lift_height * 1000) || 0, 'mm')}`,
   );
 }
 
@@ -137,6 +139,18 @@ function remarks(row) {
   const marks = row.marks ? h('span', { title: `${row.marks} marks on the image` }, '▣') : null;
   const note = row.note ? h('span', { title: row.note }, '✎') : null;
   return marks || note ? h('span', { class: 'remarks muted' }, marks, note) : null;
+}
+
+/** The first few, and how many more there are. */
+function tagsOf(tags) {
+  if (tags.length <= MOST_TAGS) return tags.map(tag);
+  const shown = tags.slice(0, MOST_TAGS - 1);
+  const rest = h(
+    'span',
+    { class: 'muted more-tags', title: tags.join(', '), dataset: { testid: 'more-tags' } },
+    `+${tags.length - shown.length}`,
+  );
+  return [...shown.map(tag), rest];
 }
 
 function tag(text) {

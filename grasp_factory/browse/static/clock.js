@@ -1,5 +1,6 @@
 // The time of an attempt that a page shows: a record of the streams, moved by hand or playing.
 
+const ROUNDED = 1e-4; // seconds; the times of records come rounded, those of phases do not
 export const SPEEDS = [1, 0.25];
 
 /** Series of an episode that has none. */
@@ -128,7 +129,7 @@ function firstAbove(values, x) {
 /** The phase that a time belongs to, or null. */
 export function phaseAt(phases, time) {
   for (let i = phases.length - 1; i >= 0; i--) {
-    if (time >= phases[i].start - 1e-9) return time <= phases[i].end + 1e-9 ? phases[i] : null;
+    if (time >= phases[i].start - ROUNDED) return time <= phases[i].end + ROUNDED ? phases[i] : null;
   }
   return null;
 }

@@ -145,7 +145,7 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
 
 /** The renderer with its camera, lights and table grid, drawn only when something has changed. */
 function makeStage(host) {
-  const canvas = h('canvas', { class: 'space-canvas', tabindex: 0, 'aria-label': 'Point cloud: drag to turn', dataset: { testid: 'cloud' } });
+  const canvas = h('canvas', { class: 'space-canvas', tabindex: 0, role: 'img', 'aria-label': 'Points of the scene in 3-D: drag to turn', dataset: { testid: 'cloud' } });
   // Kept after drawing, so that it can be read back as a picture.
   const kept = { alpha: true, antialias: true, preserveDrawingBuffer: true };
   const context = canvas.getContext('webgl2', kept);

@@ -22,11 +22,12 @@ const HELP = [
   ['Esc', 'back to all episodes'],
 ];
 
-export async function show(root, route, library) {
+export async function show(root, route, library, left) {
   const ids = (route.path[1] ?? '').split(',');
   if (ids.length !== 2) throw new Error('A comparison is of two episodes: select two of them first.');
-  const stopped = new AbortController();
-  const sides = await Promise.all(ids.map((id, i) => load(id, LETTERS[i], library, stopped.signal)));
+  if (ids[0] === ids[1]) throw new Error(`A comparison is of two episodes, and ${ids[0]} is both: select another one.`);
+  const sides = await Promise.all(ids.map((id, i) => load(id, LETTERS[i], library, left)));
+  left.throwIfAborted();
   const params = new URLSearchParams(route.params);
   const align = params.get('align') ?? START;
   params.delete('align');
@@ -123,7 +124,6 @@ export async function show(root, route, library) {
     document.removeEventListener('keydown', keys);
     document.title = 'grasp-factory';
     stop();
-    stopped.abort();
   };
   leave.help = HELP;
   return leave;
@@ -131,7 +131,7 @@ export async function show(root, route, library) {
 
 async function load(id, letter, library, signal) {
   const [store, row] = pair(id);
-  if (!library.stores.some((one) => one.id === store)) throw new Error(`There is no episode ${id}.`);
+  if (!library.stores.some((one) => one.id === store)) throw new Error(`There is no episode ${id || 'without a number'}.`);
   const episode = await getJson(`/api/episode/${store}/${row}`, null, { signal });
   const isWhole = episode.status !== 'quarantined';
   const stored = isWhole

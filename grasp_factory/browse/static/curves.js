@@ -4,7 +4,7 @@ import { nearest } from './clock.js';
 import { h } from './dom.js';
 import { unitText } from './facts.js';
 import { cssColor } from './format.js';
-import { decimalsOf, fixed, leastSpan, makeLegend } from './legend.js';
+import { leastSpan, makeLegend, tickTexts } from './legend.js';
 import uPlot from './vendor/uplot.js';
 
 const HEIGHT = 104;
@@ -129,17 +129,19 @@ function makeChart(group, bands, clock, sync, zoom, zoomTo, zoomOut) {
       x: { time: false, range: (_, min, max) => [min, max], ...zoom },
       y: { range: (_, min, max) => roomy(min, max, leastSpan(group.units)) },
     },
-    axes: [axis({ size: AXIS_X, space: 48, values: ticks }), axis({ size: AXIS_Y, space: 17, values: ticks })],
+    axes: [axis({ size: AXIS_X, space: 48, values: times }), axis({ size: AXIS_Y, space: 17, values: ticks })],
     series: [{}, ...group.series.map(seriesOptions)],
     hooks: {
       drawClear: [(u) => shade(u, bands)],
-      draw: [() => place()],
+      draw: [(u) => nameBands(u, bands), () => place()],
       setScale: [(u, key) => key === 'x' && u.scales.x.min !== null && zoomTo(u.scales.x)],
       setCursor: [(u) => legend.show(u.cursor.idx ?? nearest(group.x, clock.time))],
     },
   };
   plot = new uPlot(options, [group.x, ...group.series.map((line) => line.values)], figure);
   plot.over.append(here);
+  plot.ctx.canvas.setAttribute('role', 'img');
+  plot.ctx.canvas.setAttribute('aria-label', `${capital(group.title)} in ${unitText(group.units) || 'no unit'} over time`);
   plot.over.addEventListener('pointerdown', (event) => (pressed = event.clientX));
   plot.over.addEventListener('click', (event) => {
     if (pressed === null || Math.abs(event.clientX - pressed) > CLICK) return;
@@ -173,7 +175,12 @@ function roomy(min, max, least) {
 }
 
 function ticks(_, values) {
-  return values.map((value) => fixed(value, decimalsOf(values[1] - values[0])));
+  return values.length ? tickTexts(values) : [];
+}
+
+/** The first one names the unit: it has room on both sides. */
+function times(_, values) {
+  return ticks(_, values).map((text, i) => (i === 0 ? `${text} s` : text));
 }
 
 function capital(text) {
@@ -204,25 +211,38 @@ function seriesOptions(line) {
 function shade(u, bands) {
   const { ctx, bbox } = u;
   ctx.save();
-  ctx.beginPath();
-  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-  ctx.clip();
+  ctx.globalAlpha = 0.13;
+  for (const { from, to, index } of inView(u, bands)) {
+    ctx.fillStyle = cssColor(`--phase-${index}`, '--line');
+    ctx.fillRect(from, bbox.top, to - from, bbox.height);
+  }
+  ctx.restore();
+}
+
+/** The phases' names above the curves, with a rim that parts them from the lines. */
+function nameBands(u, bands) {
+  const { ctx, bbox } = u;
+  ctx.save();
   ctx.font = `${10 * uPlot.pxRatio}px system-ui, sans-serif`;
   ctx.textBaseline = 'top';
   ctx.textAlign = 'left';
-  for (const { name, start, end, index } of bands) {
-    const left = u.valToPos(start, 'x', true);
-    const width = u.valToPos(end, 'x', true) - left;
-    ctx.globalAlpha = 0.13;
-    ctx.fillStyle = cssColor(`--phase-${index}`, '--line');
-    ctx.fillRect(left, bbox.top, width, bbox.height);
-    ctx.globalAlpha = 0.9;
-    ctx.fillStyle = cssColor('--muted');
-    const from = Math.max(left, bbox.left);
-    const room = Math.min(left + width, bbox.left + bbox.width) - from;
-    if (ctx.measureText(name).width + 8 < room) ctx.fillText(name, from + 4, bbox.top + 2);
+  ctx.lineJoin = 'round';
+  ctx.lineWidth = 3 * uPlot.pxRatio;
+  ctx.strokeStyle = cssColor('--panel');
+  ctx.fillStyle = cssColor('--text');
+  for (const { name, from, to } of inView(u, bands)) {
+    if (ctx.measureText(name).width + 8 > to - from) continue;
+    ctx.strokeText(name, from + 4, bbox.top + 2);
+    ctx.fillText(name, from + 4, bbox.top + 2);
   }
   ctx.restore();
+}
+
+/** The bands in pixels of the canvas, as far as the zoom shows them. */
+function inView(u, bands) {
+  const { left, width } = u.bbox;
+  const within = (time) => Math.min(Math.max(u.valToPos(time, 'x', true), left), left + width);
+  return bands.map((band) => ({ ...band, from: within(band.start), to: within(band.end) }));
 }
 
 // Which groups a person hid holds for the next episode; a browser that keeps nothing shows all.

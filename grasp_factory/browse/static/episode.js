@@ -15,6 +15,7 @@ import { episodeHash, gridHash } from './routes.js';
 import { onChange, selected, toggle } from './selection.js';
 import { makeTactile } from './tactile.js';
 import { makeTimeline } from './timeline.js';
+import { makeWalk } from './walk.js';
 
 const HELP = [
   ['← →', 'previous, next episode of the filter'],
@@ -29,30 +30,33 @@ const HELP = [
   ['Esc', 'back to all episodes'],
 ];
 
-export async function show(root, route, library) {
-  const [store, row] = route.path.slice(1).map(Number);
+/** signal: aborted when another page is shown. */
+export async function show(root, route, library, signal) {
+  const said = route.path.slice(1);
+  const [store, row] = said.map((text) => (/^\d+$/.test(text) ? Number(text) : NaN));
   const about = library.stores.find(({ id }) => id === store);
-  if (!about || !Number.isInteger(row)) throw new Error(`There is no episode ${route.path.slice(1).join('/')}.`);
-  const stopped = new AbortController();
-  const { signal } = stopped;
+  if (said.length !== 2) throw new Error('The address of an episode is #/episode/STORE/ROW, two numbers.');
+  if (!about || !Number.isInteger(row)) throw new Error(`There is no episode ${said.join('/')}.`);
   const filter = { where: route.params.getAll('where'), sort: route.params.get('sort') };
+  const walk = makeWalk(route, signal);
   const [episode, neighbours] = await Promise.all([
     getJson(`/api/episode/${store}/${row}`, null, { signal }),
-    getJson(`/api/neighbours/${store}/${row}`, filter, { signal }),
+    getJson(`/api/neighbours/${store}/${row}`, filter, { signal }).then(walk.know),
   ]);
   const isWhole = episode.status !== 'quarantined';
   const stored = isWhole ? await getJson(`/api/series/${store}/${row}`, { v: episode.index.checksum }, { signal }) : NOTHING;
   const isOrdered = inOrder(stored);
   const series = isOrdered ? stored : NOTHING;
+  signal.throwIfAborted();
 
   const id = `${store}:${row}`;
   const clock = makeClock(series.time);
-  const notes = makeNotes({ store, row, episode });
+  const notes = makeNotes({ store, row, episode, signal });
   const marks = makeMarks(notes.save, notes.reason);
   const part = { store, row, episode, series, library, clock, marks, signal };
   const annotate = makeAnnotate(notes, episode, library, marks.list, signal);
   const head = makeHead({ id, store, row, episode, neighbours, route, about, notes });
-  const stops = [head.stop, annotate.stop, marks.stop, clock.stop, () => stopped.abort()];
+  const stops = [head.stop, annotate.stop, marks.stop, clock.stop];
   const side = [annotate.node, makeFacts(episode, library, about)];
 
   if (isWhole) {
@@ -82,6 +86,7 @@ export async function show(root, route, library) {
   });
   const refresh = () => marks.refresh();
   window.addEventListener('grasp-factory:writing', refresh);
+  walk.shown();
   document.addEventListener('keydown', keys);
   document.title = `${about.name} ${row}`;
 
@@ -91,8 +96,8 @@ export async function show(root, route, library) {
     const isSlider = event.target.matches?.('input[type=range]');
     const isPressed = event.target.closest?.('button, summary, a');
     const { key } = event;
-    if (key === 'ArrowLeft' && !isSlider) head.open(neighbours.previous);
-    else if (key === 'ArrowRight' && !isSlider) head.open(neighbours.next);
+    if (key === 'ArrowLeft' && !isSlider) walk.turn(-1);
+    else if (key === 'ArrowRight' && !isSlider) walk.turn(1);
     else if (key === ' ' && !isPressed) clock.toggle();
     else if (key === '[' && !clock.isEmpty) clock.step(-1);
     else if (key === ']' && !clock.isEmpty) clock.step(1);
@@ -121,7 +126,6 @@ function makeHead({ id, store, row, episode, neighbours, route, about, notes }) 
   const { index } = episode;
   const outcome = h('span', { class: 'outcome', dataset: { testid: 'outcome' } });
   const select = h('input', { type: 'checkbox', 'aria-label': 'Selected', dataset: { testid: 'select' }, onchange: () => toggle(id, select.checked) });
-  const open = (other) => other && (location.hash = episodeHash(...other, route.params));
   const draw = () => (select.checked = selected().has(id));
   const stop = onChange(draw);
   draw();
@@ -165,7 +169,7 @@ function makeHead({ id, store, row, episode, neighbours, route, about, notes }) 
       turn(next, 'Next episode (→)', '→', 'next'),
     ),
   );
-  return { node, open, stop };
+  return { node, stop };
 }
 
 /** Groups of /api/series as curves wants them. */

@@ -35,9 +35,19 @@ export function makeFacts(episode, library, store) {
     fold('All other columns', () => table('', others, columns, told, library)),
     fold('Recipe', () => (episode.spec ? tree(episode.spec) : h('p', { class: 'muted' }, 'It cannot be read.'))),
     columns.checksum ? [h('h3', null, 'Checksum'), h('p', { class: 'mono checksum' }, columns.checksum)] : null,
-    h('h3', null, 'Run it again'),
-    copyLine(command),
+    episode.status === 'quarantined'
+      ? again(store)
+      : [h('h3', null, 'Run it again'), copyLine(command)],
   );
+}
+
+/** How a quarantined episode is made again: the store's own options are not known here. */
+function again(store) {
+  return [
+    h('h3', null, 'Make it again'),
+    h('p', { class: 'muted' }, 'Give the command that made the store once more, with its options and --retry-quarantined:'),
+    copyLine(`grasp-factory generate --out ${quoted(store.path)} --retry-quarantined`),
+  ];
 }
 
 /** A value of a column as text, with its unit. */

@@ -201,3 +201,13 @@ async function distinct(column) {
     return [];
   }
 }
+
+/** What is wrong with an order of the address; '' if nothing is. */
+export function wrongOrder(sort, columns) {
+  const names = sort ? sort.split(',').map((word) => word.trim().replace(/^-/, '')) : [];
+  const unknown = names.find((name) => !columns.some((column) => column.name === name));
+  if (unknown !== undefined)
+    return `The order was not understood: there is no column “${unknown}”.`;
+  const isTwice = new Set(names).size < names.length;
+  return isTwice ? 'The order was not understood: it names a column twice.' : '';
+}

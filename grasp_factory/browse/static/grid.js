@@ -4,7 +4,7 @@ import { getJson } from './api.js';
 import { cardList } from './cardlist.js';
 import { clear, h, isTyping } from './dom.js';
 import { facets } from './facets.js';
-import { drawChips, filterField, sortControl } from './filters.js';
+import { drawChips, filterField, sortControl, wrongOrder } from './filters.js';
 import { count, plural, share } from './format.js';
 import { pager } from './paging.js';
 import { gridHash } from './routes.js';
@@ -24,7 +24,7 @@ const HELP = [
   ['c', 'compare two selected'],
 ];
 
-export async function show(root, route, library) {
+export async function show(root, route, library, left) {
   let state = stateOf(route.params);
   let total = 0;
   let rows = [];
@@ -91,6 +91,7 @@ export async function show(root, route, library) {
   cards.wait();
 
   document.addEventListener('keydown', keys);
+  left.addEventListener('abort', () => loading.abort());
   await load();
 
   const leave = () => {
@@ -217,7 +218,11 @@ export async function show(root, route, library) {
     pages.draw(0, 0);
     bar.draw();
     message.classList.toggle('bad', error.status !== 400);
-    if (error.status === 400) {
+    const wrong = wrongOrder(state.sort, library.columns);
+    if (error.status === 400 && wrong) {
+      const names = h('p', { class: 'muted' }, `Columns: ${library.columns.map((c) => c.name).join(', ')}`);
+      message.append(h('p', null, wrong), names, button('Usual order', () => change({ sort: '' })));
+    } else if (error.status === 400) {
       filter.complain(error.message);
       message.append(
         h('p', null, 'The filter was not understood.'),

@@ -4,6 +4,7 @@ import uPlot from './vendor/uplot.js';
 import { bounds } from './conditions.js';
 import { clear, h } from './dom.js';
 import { amount, count, cssColor, readable, share } from './format.js';
+import { tickTexts } from './legend.js';
 
 /**
  * Bars of a column's words: the length is the count, the dark part are successes.
@@ -162,6 +163,8 @@ export function numberBars({ columns, range, choose }) {
     summarise(found);
     plot = new uPlot(options(found), series(found), place);
     plot.over.dataset.testid = 'histogram-plot';
+    plot.ctx.canvas.setAttribute('role', 'img');
+    plot.ctx.canvas.setAttribute('aria-label', `Distribution of ${readable(column)}`);
   }
 
   function summarise(found) {
@@ -196,7 +199,7 @@ export function numberBars({ columns, range, choose }) {
           space: 56,
           grid: quiet,
           ticks: { ...axis, stroke: cssColor('--line'), size: 3 },
-          values: (_, at) => at.map((x) => amount(x)),
+          values: (_, at) => edgeTexts(at),
         },
         {
           ...axis,
@@ -272,6 +275,13 @@ function series(found) {
 function tidy(value, step) {
   const places = Math.max(0, Math.min(12, Math.ceil(-Math.log10(step))));
   return Number(value.toFixed(places));
+}
+
+/** Ticks of measurements: very small ones as powers of ten. */
+function edgeTexts(at) {
+  const isSmall = at.length > 1 && Math.abs(at[1] - at[0]) < 1e-5;
+  const isPlain = at.length === 0 || isSmall || at.every(Number.isInteger);
+  return isPlain ? at.map((x) => amount(x)) : tickTexts(at);
 }
 
 function short(value) {

@@ -58,8 +58,16 @@ export function makeLegend(group, show) {
 }
 
 /** How many decimals tell steps of this size apart. */
-export function decimalsOf(step) {
+function decimalsOf(step) {
   return Math.min(Math.max(-Math.floor(Math.log10(step || 1) + 1e-9), 0), 6);
+}
+
+/** The texts of evenly spaced ticks, with as many decimals as their step has: 0.25, 0.50. */
+export function tickTexts(values) {
+  const step = Math.abs(values.length > 1 ? values[1] - values[0] : values[0]);
+  let decimals = 0;
+  while (decimals < 9 && Math.abs(Number(step.toFixed(decimals)) - step) > 1e-6 * step) decimals += 1;
+  return values.map((value) => fixed(value, decimals));
 }
 
 /** A number with so many decimals; a dash where there is none. */

@@ -14,6 +14,7 @@ import { clear, h, isTyping } from './dom.js';
 import { plural } from './format.js';
 import { openDialog, showHelp } from './overlays.js';
 import { parse } from './routes.js';
+import { openSelection } from './selection.js';
 
 // Loaded when first shown: the grid does not wait for the 3-D library.
 const PAGES = {
@@ -27,7 +28,7 @@ const top = document.getElementById('top');
 const root = document.getElementById('page');
 let library = null;
 let shown = { name: '', leave: null };
-let turn = 0;
+let loading = new AbortController();
 
 async function start() {
   takeToken();
@@ -38,6 +39,7 @@ async function start() {
     return;
   }
   suggestWho(library.who);
+  openSelection(library.stores);
   if (library.writable === false) makeReadOnly('The server was started with --read-only.');
   drawTop();
   window.addEventListener('grasp-factory:writing', drawTop);
@@ -52,12 +54,14 @@ async function start() {
 async function go() {
   const route = parse(location.hash);
   const name = route.path[0] ?? 'grid';
-  const mine = ++turn;
   // A page that can follow its own address keeps its elements, focus and scroll.
   if (name === shown.name && shown.leave?.update) {
     shown.leave.update(route);
     return;
   }
+  // What is still loading for the page before is not waited for.
+  loading.abort();
+  const { signal } = (loading = new AbortController());
   shown.leave?.();
   shown = { name, leave: null };
   drawTop();
@@ -69,12 +73,12 @@ async function go() {
   }
   try {
     const { show } = await PAGES[name]();
-    if (mine !== turn) return;
-    const leave = await show(page, route, library);
-    if (mine === turn) shown.leave = leave;
+    if (signal.aborted) return;
+    const leave = await show(page, route, library, signal);
+    if (!signal.aborted) shown.leave = leave;
     else leave?.();
   } catch (error) {
-    if (mine === turn) fail(error);
+    if (!signal.aborted) fail(error);
   }
 }
 
@@ -192,7 +196,12 @@ function fail(error) {
       'div',
       { class: 'state bad', role: 'alert' },
       h('p', null, error.message),
-      h('button', { type: 'button', onclick: () => location.reload() }, 'Try again'),
+      h(
+        'p',
+        { class: 'row' },
+        h('button', { type: 'button', onclick: () => location.reload() }, 'Try again'),
+        library && h('a', { href: '#/' }, 'All episodes'),
+      ),
     ),
   );
 }

@@ -2,8 +2,20 @@
 
 const KEY = 'grasp-factory-selection';
 
-const ids = new Set(stored());
+const ids = new Set();
+let key = KEY;
 const listeners = new Set();
+
+/** Take up what was selected in these stores before: ids mean nothing in others. */
+export function openSelection(stores) {
+  key = `${KEY} ${JSON.stringify(stores.map(({ path }) => path))}`;
+  const rows = new Map(stores.map(({ id, episodes }) => [id, episodes]));
+  ids.clear();
+  for (const id of stored()) {
+    const [store, row] = id.split(':').map(Number);
+    if (row < (rows.get(store) ?? 0)) ids.add(id);
+  }
+}
 
 /** The selected ids, in the order of selection. Do not change the set: use toggle and others. */
 export function selected() {
@@ -56,7 +68,7 @@ function pathOf(stores, id) {
 
 function changed() {
   try {
-    sessionStorage.setItem(KEY, JSON.stringify([...ids]));
+    sessionStorage.setItem(key, JSON.stringify([...ids]));
   } catch {
     // Too many to keep, or a browser that keeps nothing: the selection lives as long as the page.
   }
@@ -65,7 +77,7 @@ function changed() {
 
 function stored() {
   try {
-    const found = JSON.parse(sessionStorage.getItem(KEY) ?? '[]');
+    const found = JSON.parse(sessionStorage.getItem(key) ?? '[]');
     return found.filter((id) => typeof id === 'string' && /^\d+:\d+$/.test(id));
   } catch {
     return [];

@@ -62,7 +62,7 @@ export function makeTactile({ store, row, episode, series, clock, signal }) {
 }
 
 function makePad(name, rows, columns, padSize) {
-  const heat = h('canvas', { class: 'heat', width: columns || 1, height: rows || 1, dataset: { testid: `tactile-${name}` } });
+  const heat = h('canvas', { class: 'heat', width: columns || 1, height: rows || 1, role: 'img', dataset: { testid: `tactile-${name}` } });
   const center = h('span', { class: 'cross center' }, '+');
   const total = h('span', { class: 'value' });
   const [width, height] = (padSize ?? [0, 0]).map((metres) => `${(1000 * metres).toFixed(0)} mm`);
@@ -90,6 +90,7 @@ function makePad(name, rows, columns, padSize) {
     });
     ctx.putImageData(image, 0, 0);
     total.textContent = `${sum.toFixed(1)} N`;
+    heat.setAttribute('aria-label', `Forces on the ${name} pad, ${total.textContent} in all`);
     center.hidden = !(sum > 0);
     center.style.left = `${(100 * (x / sum + 0.5)) / columns}%`;
     center.style.top = `${(100 * (z / sum + 0.5)) / rows}%`;
