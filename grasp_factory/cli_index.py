@@ -20,9 +20,7 @@ from grasp_factory.records import to_plain
 if TYPE_CHECKING:
     from grasp_factory.index import Index, Query
 
-SHOWN = (
-    *("row", "outcome", "object_id", "policy", "split", "lift_height", "data_quality", "tags"),
-)
+SHOWN = ("row", "outcome", "object_id", "policy", "split", "lift_height", "data_quality", "tags")
 """Columns of the table that people get."""
 MOST_LINES = 50
 """Rows of the table without --limit."""
@@ -68,7 +66,7 @@ def index(paths: tuple[Path, ...], out: Path | None, as_json: bool) -> None:
 
 
 @click.command()
-@PATHS
+@click.argument("paths", metavar="PATH...", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--where",
     metavar="CONDITION",
@@ -234,6 +232,8 @@ def _print_table(
     kinds = _kinds()
     right = [k for k, name in enumerate(chosen) if kinds[name] in numbers]
     head = f"{count(total, 'episode')}"
+    if several:
+        click.echo("\n".join(f"store {s.id}: {s.path}" for s in found.stores), err=True)
     if lines:
         click.echo(table([chosen, *lines], right))
         if len(lines) < total:

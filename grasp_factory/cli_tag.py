@@ -114,7 +114,10 @@ def tags(
     elif as_csv:
         click.echo(changes_csv(changes) if history else annotations_csv(said), nl=False)
     else:
-        click.echo(_history_text(changes) if history else _text(said))
+        nothing = "no annotations: grasp-factory tag makes them"
+        if chosen is not None and log.annotations():
+            nothing = "no annotations of these episodes"
+        click.echo((_history_text(changes) if history else _text(said)) or nothing)
     for line, fault in log.damaged():
         click.echo(f"warning: annotations/log.jsonl, line {line} {fault}", err=True)
 
@@ -149,7 +152,7 @@ def _text(annotations: Sequence[Annotation]) -> str:
     found = summary(annotations)
     total = found.pop("annotated")
     if not total:
-        return "no annotations: grasp-factory tag makes them"
+        return ""
     rows = [("tag", "episodes"), *tag_counts(annotations).items()]
     lines = [table(rows, right=(1,))] if len(rows) > 1 else []
     words = ", ".join(f"{number} {what}" for what, number in found.items() if number)
@@ -161,7 +164,7 @@ def _history_text(changes: Sequence[Change]) -> str:
     from grasp_factory.report_words import table
 
     if not changes:
-        return "no annotations: grasp-factory tag makes them"
+        return ""
     rows = []
     for change in changes:
         text = change_text(change)

@@ -60,7 +60,14 @@ def selection_lines(chosen: Iterable[tuple[Path, int]], *, named: bool) -> list[
     Args:
         chosen: Their stores and rows.
         named: Whether lines name the store, as they must where there are several.
+
+    Raises:
+        UsageError: if a store's name does not fit in a line.
     """
+    chosen = list(chosen)
+    for name in {str(store) for store, _ in chosen} if named else ():
+        if name.strip() != name or len(name.splitlines()) > 1:
+            raise UsageError(f"store {shown(name)}: a list names stores by line; rename it")
     return [f"{store}:{row}" if named else str(row) for store, row in chosen]
 
 

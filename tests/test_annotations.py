@@ -75,10 +75,10 @@ log, who, first, count = AnnotationLog(sys.argv[1]), sys.argv[2], int(sys.argv[3
 print("ready", flush=True)
 sys.stdin.readline()
 for i in range(first, first + count):
-    log.append(who, [i % 4], [("tag", f"{who} {i}")])
+    log.append(who, [i % 4], [("note", f"{who} {i}")])
     print(i, flush=True)
 """
-"""A process that adds so many tags, one after the other, and says which are done."""
+"""A process that writes so many notes, one after the other, and says which are done."""
 
 
 def make_store(path: Path, *, seed: int = CONFIG.seed, n: int = N) -> Path:
@@ -95,7 +95,7 @@ def log_of(path: Path) -> Path:
 
 
 def adding(path: Path, who: str, first: int, count: int) -> subprocess.Popen[str]:
-    """Return a process that adds tags as soon as it reads a line."""
+    """Return a process that writes notes as soon as it reads a line."""
     command = [sys.executable, "-c", ADD, str(path), who, str(first), str(count)]
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     process = subprocess.Popen(command, text=True, **pipes)
@@ -112,6 +112,10 @@ def start(process: subprocess.Popen[str]) -> None:
 
 def tags_of(path: Path) -> set[str]:
     return {tag for said in AnnotationLog(path).annotations().values() for tag in said.tags}
+
+
+def said_in(path: Path) -> set[Any]:
+    return {change.value for change in AnnotationLog(path).changes()}
 
 
 @pytest.fixture(scope="module")
@@ -176,6 +180,13 @@ class TestFolding:
         whole = fold(changes)
         apart = [fold(c for c in changes if c.row == row) for row in range(4)]
         assert whole == {row: said for one in apart for row, said in one.items()}
+
+    def test_thousands_of_tags_cost_a_moment(self) -> None:
+        changes = made([(0, ("tag", f"{i * 7919 % 5000:04}")) for i in range(5000)])
+        started = time.process_time()
+        found = fold(changes)
+        assert time.process_time() - started < 5.0
+        assert found[0].tags == tuple(f"{i:04}" for i in range(5000))
 
     @given(CHANGES, TAGS)
     def test_a_tag_that_is_given_and_taken_leaves_nothing(
@@ -475,6 +486,31 @@ class TestTheLog:
         with pytest.raises(UsageError, match="who: got"):
             AnnotationLog(store).append(who, [0], [("tag", "odd")])
 
+    def test_refuses_more_than_anybody_says(self, store: Path) -> None:
+        log, tags = AnnotationLog(store), [("tag", f"{i:03}") for i in range(65)]
+        marks = [("mark", MARK | {"id": f"{i:012x}"}) for i in range(501)]
+        with pytest.raises(UsageError, match="got 101 changes, valid: up to 100 at once"):
+            log.append("ann", [0], [("note", str(i)) for i in range(101)])
+        with pytest.raises(UsageError, match=r"episode 0 would have 65 tags, valid: up to 64"):
+            log.append("ann", [0, 1], tags)
+        assert log.changes() == []
+        log.append("ann", [0], tags[:64])
+        with pytest.raises(UsageError, match="episode 0 would have 65 tags"):
+            log.append("ann", [0], tags[64:])
+        for first in range(0, 500, 100):
+            log.append("ann", [1], marks[first : first + 100])
+        with pytest.raises(UsageError, match="episode 1 would have 501 marks, valid: up to 500"):
+            log.append("ann", [1], marks[500:])
+
+    def test_takes_tags_off_an_episode_that_has_too_many(self, store: Path) -> None:
+        said = [(0, ("tag", f"{i:03}")) for i in range(100)]
+        AnnotationLog(store).append("ann", [0], [("tag", "000")])
+        log_of(store).write_bytes(b"".join(map(encode, made(said))))
+        log = AnnotationLog(store)
+        assert len(log.append("ann", [0], [("untag", "007")])[0].tags) == 99  # type: ignore[union-attr]
+        with pytest.raises(UsageError, match="would have 100 tags"):
+            log.append("ann", [0], [("tag", "more")])
+
     def test_of_no_store_is_refused(self, tmp_path: Path) -> None:
         with pytest.raises(StoreMismatchError, match="there is no store at"):
             AnnotationLog(tmp_path / "nothing").append("ann", [0], [("tag", "odd")])
@@ -527,7 +563,7 @@ class TestSeveralWriters:
         assert [process.returncode for process in processes] == [0, 0]
         log = AnnotationLog(sample)
         assert (log.damaged(), log.is_finished()) == ([], True)
-        assert tags_of(sample) == {f"{who} {i}" for who in ("ann", "bob") for i in range(count)}
+        assert said_in(sample) == {f"{who} {i}" for who in ("ann", "bob") for i in range(count)}
         assert [change.who for change in log.changes()].count("ann") == count
         assert verify(sample).problems == ()
 
@@ -543,9 +579,9 @@ class TestSeveralWriters:
         done += process.communicate()[0].splitlines()
         assert process.returncode == -signal.SIGKILL
         promised = {f"ann {int(line)}" for line in done if line.strip()}
-        assert promised <= tags_of(sample)
+        assert promised <= said_in(sample)
         AnnotationLog(sample).append("bob", [0], [("tag", "after")])
-        assert tags_of(sample) >= promised | {"after"}
+        assert said_in(sample) >= promised | {"after"}
         assert verify(sample).problems == ()
 
     def test_may_be_threads_of_one_log(self, store: Path) -> None:
@@ -772,9 +808,45 @@ class TestAStoreThatCannotBeWritten:
             "pipe": lambda: os.mkfifo(log_of(store)),
         }
         make[kind]()
-        with pytest.raises(StoreError, match=r"log.jsonl (is in the way|cannot be written)"):
+        with pytest.raises(StoreError, match=r"log.jsonl (is in the way|.*it is a link)"):
             AnnotationLog(store).append("ann", [0], [("tag", "odd")])
         assert not (tmp_path / "elsewhere").exists()
+
+    @pytest.mark.parametrize("there", ["empty", "log", "nothing"])
+    def test_because_its_folder_is_a_link_which_is_not_read_either(
+        self, sample: Path, tmp_path: Path, there: str
+    ) -> None:
+        AnnotationLog(sample).append("ann", [0], [("tag", "odd")])
+        elsewhere = tmp_path / "elsewhere"
+        shutil.move(sample / "annotations", elsewhere)
+        if there == "empty":
+            shutil.rmtree(elsewhere)
+            elsewhere.mkdir()
+        elif there == "nothing":
+            shutil.rmtree(elsewhere)
+        (sample / "annotations").symlink_to(elsewhere)
+        before = tree(elsewhere) if elsewhere.exists() else None
+        refused = pytest.raises(StoreError, match=r"annotations is a link, .*: put a copy")
+        with refused:
+            AnnotationLog(sample).append("ann", [0], [("tag", "more")])
+        with refused:
+            AnnotationLog(sample).annotations()
+        with refused:
+            split(sample, tmp_path / "part", [0])
+        assert (tree(elsewhere) if elsewhere.exists() else None) == before
+        (problem,) = verify(sample).problems
+        assert "its folder is a link, and annotations stay in their store" in problem.what
+        assert not repair(sample).is_whole
+
+    def test_because_its_log_is_a_link_which_is_not_read_either(
+        self, sample: Path, tmp_path: Path
+    ) -> None:
+        AnnotationLog(sample).append("ann", [0], [("tag", "odd")])
+        shutil.move(log_of(sample), tmp_path / "elsewhere")
+        log_of(sample).symlink_to(tmp_path / "elsewhere")
+        with pytest.raises(StoreError, match="cannot be read: it is a link"):
+            AnnotationLog(sample).annotations()
+        assert "it is a link" in verify(sample).problems[0].advice
 
     def test_because_something_has_the_folders_name(self, store: Path) -> None:
         (store / "annotations").touch()

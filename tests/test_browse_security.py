@@ -285,6 +285,32 @@ class TestHosts:
             assert ask(server, "/", {"Host": "lab-pc:8642"})[0] == 200
             assert ask(server, "/", {"Host": "lab-pc2:8642"})[0] == 403
 
+    @pytest.mark.parametrize(
+        ("target", "code"),
+        [
+            ("http://evil.example/api/live", 403),
+            ("http://evil.example:{port}/api/live", 403),
+            ("http://127.0.0.1@evil.example/api/live", 403),
+            ("ftp:///api/live", 403),
+            ("http://127.0.0.1:{port}/api/live", 200),
+        ],
+    )
+    def test_a_whole_address_as_the_target_is_taken_by_its_own_name(
+        self, server: Running, target: str, code: int
+    ) -> None:
+        assert ask(server, target.format(port=server.port))[0] == code
+
+    def test_connections_on_which_nothing_comes_keep_nobody_out(self, server: Running) -> None:
+        with contextlib.ExitStack() as stack:
+            for k in range(120):
+                where = ("127.0.0.1", server.port)
+                idle = stack.enter_context(socket.create_connection(where, timeout=20))
+                if k % 2:
+                    idle.sendall(b"GET /api/live HTTP/1.1\r\nHost: 127.0")
+            started = time.monotonic()
+            assert ask(server, "/api/live")[0] == 200
+            assert time.monotonic() - started < 5.0
+
     def test_it_listens_at_this_machine_s_own_address_alone(self, server: Running) -> None:
         for address in other_addresses():
             with pytest.raises(OSError):

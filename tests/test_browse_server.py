@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from grasp_factory.annotations import AnnotationLog
-from grasp_factory.browse import serving, site
+from grasp_factory.browse import crowd, serving, site
 from grasp_factory.browse.app import create_app
 from grasp_factory.browse.drawing import THUMB_WIDTH, video_frame
 from grasp_factory.browse.numbers import DIGITS, json_bytes, plain, rounded
@@ -35,8 +35,8 @@ from grasp_factory.browse.points import MOST_POINTS, cloud_bytes
 from grasp_factory.browse.thumbnails import Thumbnails
 from grasp_factory.clouds import PointCloud
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import UsageError
-from grasp_factory.index import Index, fresh
+from grasp_factory.errors import StoreError, UsageError
+from grasp_factory.index import Index, Query, database, fresh
 from grasp_factory.outcome import Label
 from grasp_factory.painting import label_palette
 from grasp_factory.records import to_plain
@@ -255,6 +255,7 @@ class TestTheGrid:
             ("/api/histogram?column=nope", "unknown column"),
             ("/api/histogram?column=row&bins=0", "valid: 1 to 200"),
             ("/api/ids?where=", "valid: COLUMN=VALUE"),
+            ("/api/ids?" + "&where=row%3D1" * 21, "got 21 conditions, valid: up to 20"),
         ],
     )
     def test_a_mistake_is_told_in_words(self, page: FlaskClient, address: str, said: str) -> None:
@@ -610,6 +611,87 @@ class TestStoresThatChange:
             error = get(client, "/image/0/1/front/rgb/0.png", 503)["error"]
             assert "cameras/front/rgb of episodes 1 to 1 cannot be read" in error
             get_image(client, "/image/0/4/front/rgb/0.png")
+
+    @pytest.mark.parametrize(
+        "address",
+        ["/api/library", "/api/episodes", "/api/histogram?column=row", "/api/neighbours/0/1"],
+    )
+    def test_an_index_that_somebody_deleted_is_made_again(
+        self, stores: tuple[Path, Path], tmp_path: Path, address: str
+    ) -> None:
+        with page_of(tmp_path, *stores) as client:
+            before = get(client, address)
+            (tmp_path / "index.sqlite").unlink()
+            assert get(client, address) == before
+            assert get(client, "/api/ids")["ids"][-1] == f"1:{N - 1}"
+
+    def test_an_index_that_cannot_be_made_again_is_told(
+        self, own_store: Path, tmp_path: Path
+    ) -> None:
+        with page_of(tmp_path, own_store) as client:
+            (tmp_path / "index.sqlite").unlink()
+            shutil.rmtree(own_store)
+            assert str(own_store) in get(client, "/api/episodes", 400)["error"]
+
+    def test_writing_to_an_index_that_has_gone_is_the_user_s_trouble(
+        self, own_store: Path, tmp_path: Path
+    ) -> None:
+        with fresh([own_store], tmp_path / "index.sqlite") as index:
+            index.path.unlink()
+            with pytest.raises(UsageError, match="cannot be written"):
+                index.annotated(0, 1, None)
+            with pytest.raises(StoreError, match=r"grasp-factory index STORE... --out"):
+                index.row(0, 1)
+
+    def test_a_query_that_takes_too_long_is_stopped(
+        self, stores: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(database, "_STEPS", 1)
+        with fresh(stores, tmp_path / "index.sqlite") as index:
+            index.patience_s = 0.0
+            with pytest.raises(StoreError, match=r"the query takes too long: .* after 0 s"):
+                index.page(Query.parse(["checksum!=x"], "-object_id"))
+            index.patience_s = 60.0
+            assert index.page(Query.parse(["checksum!=x"], "-object_id")).total == index.count(
+                Query()
+            )
+
+    def test_who_asks_while_too_many_do_is_told_and_gets_pictures_still(
+        self, stores: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        inside, free = threading.Semaphore(0), threading.Event()
+        count = Index.page
+
+        def slowly(index: Index, *asked: Any) -> Any:
+            inside.release()
+            assert free.wait(60)
+            return count(index, *asked)
+
+        monkeypatch.setattr(Index, "page", slowly)
+        monkeypatch.setattr(crowd, "WAIT_S", 0.05)
+        with fresh([stores[REAL]], tmp_path / "index.sqlite") as index:
+            app = create_app(index, "", {"localhost"}, thumbnails=Thumbnails(tmp_path))
+            ask = lambda _: app.test_client().get("/api/episodes").status_code  # noqa: E731
+            with ThreadPoolExecutor(crowd.ASKING) as pool:
+                asking = [pool.submit(ask, None) for _ in range(crowd.ASKING)]
+                try:
+                    assert all(inside.acquire(timeout=60) for _ in asking)
+                    assert "too many" in get(app.test_client(), "/api/ids", 503)["error"]
+                    get_image(app.test_client(), "/thumb/0/0.jpg", "image/jpeg")
+                finally:
+                    free.set()
+                assert {done.result() for done in asking} == {200}
+            assert get(app.test_client(), "/api/ids")["ids"] == ["0:0", "0:1", "0:2", "0:3"]
+
+    def test_a_store_whose_robot_has_no_pads_is_shown_without_touch(self, own_store: Path) -> None:
+        file = own_store / "zarr.json"
+        told = json.loads(file.read_text())
+        del told["attributes"]["robot"]["pad_size"]
+        file.write_text(json.dumps(told))
+        with page_of(own_store.parent, own_store) as client:
+            assert get(client, "/api/episode/0/1")["pad_size"] is None
+            assert get(client, "/api/series/0/1")["tactile"] is None
+            assert "no pad_size" in get(client, "/api/tactile/0/1", 503)["error"]
 
     def test_a_store_that_is_a_link_to_one_is_shown(
         self, stores: tuple[Path, Path], tmp_path: Path

@@ -401,14 +401,18 @@ class TestFile:
         with fresh([store]) as index:
             assert rows_of(index) == expected
 
-    def test_a_damaged_index_says_what_to_do(self, store: Path) -> None:
+    def test_a_damaged_index_is_made_anew_or_says_what_to_do(self, store: Path) -> None:
         place = default_path(store)
         build([store], place)
+        with fresh([store]) as index:
+            expected = rows_of(index)
         data = bytearray(place.read_bytes())
         data[4096:] = b"\xaa" * (len(data) - 4096)
         place.write_bytes(data)
         with pytest.raises(StoreError, match=r"is damaged: .*; delete it"):
-            fresh([store])
+            fresh([place])
+        with fresh([store]) as index:
+            assert rows_of(index) == expected
 
     def test_a_store_that_has_moved(self, store: Path, tmp_path: Path) -> None:
         build([store], tmp_path / "i.sqlite")
@@ -478,8 +482,29 @@ class TestFile:
         assert [path.name for path in tmp_path.iterdir()] == ["folder"]
 
     def test_a_store_is_not_indexed_twice(self, store: Path) -> None:
-        with pytest.raises(UsageError, match="each once"):
-            build([store, store], store.with_name("i.sqlite"))
+        place = store.with_name("i.sqlite")
+        (link := store.with_name("link.zarr")).symlink_to(store)
+        for again in (store, link, store / ".." / store.name):
+            with pytest.raises(UsageError, match="each once"):
+                build([store, again], place)
+            with pytest.raises(UsageError, match="each once"):
+                fresh([store, again], place)
+
+    def test_no_way_to_name_a_store_puts_an_index_into_it(
+        self, store: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(store / "episodes")
+        before = sorted(store.rglob("*"))
+        with fresh([Path("..")]) as index:
+            assert index.path == default_path(store)
+        with pytest.raises(UsageError, match="it would lie in the store"):
+            build([store], Path("../../" + store.name + "/i.sqlite"))
+        assert sorted(store.rglob("*")) == before
+
+    def test_a_store_whose_name_is_no_text_is_refused(self, store: Path) -> None:
+        odd = store.rename(store.with_name("odd\udcff.zarr"))
+        with pytest.raises(UsageError, match="is not UTF-8; rename it"):
+            fresh([odd])
 
     def test_a_build_that_fails_leaves_the_old_one(
         self, store: Path, monkeypatch: pytest.MonkeyPatch
@@ -617,6 +642,27 @@ class TestCommands:
         head, *lines = out.splitlines()
         assert head.split()[:3] == ["row", "outcome", "object_id"]
         assert [line.split()[0] for line in lines] == ["0", "1", "2"]
+
+    def test_the_table_of_several_stores_says_which_is_which(
+        self, run: Run, store: Path, plain: Path, tmp_path: Path
+    ) -> None:
+        for number, paths in enumerate([(store, plain), (plain, store)]):
+            place = tmp_path / f"{number}.sqlite"
+            code, _, err = run("query", *paths, "--limit", "1", "--index", place)
+            assert (code, err.splitlines()[:2]) == (0, [f"store {k}: {paths[k]}" for k in (0, 1)])
+
+    def test_a_list_cannot_name_a_store_over_two_lines(
+        self, run: Run, store: Path, plain: Path, tmp_path: Path
+    ) -> None:
+        odd = store.rename(store.with_name("a\nb.zarr"))
+        code, out, err = run("query", odd, plain, "--ids", "--index", tmp_path / "i.sqlite")
+        assert (code, out) == (2, "")
+        assert "a list names stores by line; rename it" in err
+
+    def test_the_columns_are_told_without_a_store(self, run: Run) -> None:
+        code, out, _ = run("query", "--where", "help")
+        assert code == 0
+        assert "lift_height" in out
 
     def test_ids_are_a_selection(self, run: Run, store: Path, tmp_path: Path) -> None:
         code, out, err = run("query", store, "--where", "success=false", "--ids", "--sort=-row")

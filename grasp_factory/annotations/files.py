@@ -19,6 +19,8 @@ from grasp_factory.writers.seals import is_sealed
 
 FOLDER, NAME = "annotations", "log.jsonl"
 DESCRIPTION = "place of log.jsonl, what people say of episodes; not derived, only appended to"
+LINK = "is a link, and annotations stay in their store"
+OWN_FOLDER = "put a copy of what it leads to in its place, or remove it"
 WAIT_S = 30.0
 """How long others may hold the log; a change takes milliseconds."""
 _WINDOW = 1 << 16
@@ -29,16 +31,30 @@ def log_file(store: Path) -> Path:
     return store / FOLDER / NAME
 
 
+def check_own(folder: Path) -> None:
+    """Check that a store's folder of annotations is in the store.
+
+    A store from elsewhere could else have people read and write what is not in it.
+
+    Raises:
+        StoreError: if it is a link.
+    """
+    if folder.is_symlink():
+        raise StoreError(f"{folder} {LINK}: {OWN_FOLDER}")
+
+
 @contextlib.contextmanager
 def reading(file: Path) -> Iterator[int | None]:
     """Give the open log; None if there is none.
 
     Raises:
-        StoreError: if it cannot be read, or is no file.
+        StoreError: if it cannot be read, is no file, or is a link or in one.
     """
+    check_own(file.parent)
     try:
         # A pipe of that name is not waited for.
-        descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+        descriptor = os.open(file, flags)
     except (FileNotFoundError, NotADirectoryError):
         yield None
         return
@@ -64,6 +80,7 @@ def appending(store: Path) -> Iterator[int]:
         StoreBusyError: if others hold it for too long.
     """
     file = log_file(store)
+    check_own(file.parent)
     try:
         file.parent.mkdir(exist_ok=True)
         descriptor = _take(file)
@@ -172,8 +189,8 @@ def _check_regular(file: Path, descriptor: int) -> None:
 
 def _cannot(what: str, file: Path, error: OSError) -> StoreError:
     why = error.strerror or str(error)
-    if error.errno == errno.ELOOP and what == "written":
-        why = "it is a link, and annotations stay in their store; put a file in its place"
+    if error.errno == errno.ELOOP:
+        why = f"it {LINK}; put a file in its place"
     elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS) and what == "written":
         why += "; the store can be read, but not annotated, by you at this place"
     return StoreError(f"{file} cannot be {what}: {why}")

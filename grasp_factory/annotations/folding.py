@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -48,7 +49,10 @@ def _with(old: Annotation, change: Change) -> Annotation:
     value = change.value
     match change.kind:
         case "tag":
-            more: dict[str, Any] = {"tags": tuple(sorted({*old.tags, value}))}
+            at = bisect_left(old.tags, value)
+            if old.tags[at : at + 1] == (value,):
+                return old
+            more: dict[str, Any] = {"tags": (*old.tags[:at], value, *old.tags[at:])}
         case "untag":
             more = {"tags": tuple(tag for tag in old.tags if tag != value)}
         case "mark":

@@ -21,6 +21,10 @@ from grasp_factory.records import is_integer
 
 USER = "GRASP_FACTORY_USER"
 """Environment variable with the name of who makes changes."""
+MOST_CHANGES = 100
+"""In one call, to each of its rows."""
+MOST_TAGS, MOST_MARKS = 64, 500
+"""Of one episode."""
 _TAIL = 256
 """Bytes before the end of what was read that tell whether the file is still the same."""
 
@@ -155,6 +159,8 @@ class AnnotationLog:
         wanted = [(kind, checked(kind, value)) for kind, value in changes]
         if not wanted:
             raise UsageError("no changes: name a tag, a note, or what else shall be set")
+        if len(wanted) > MOST_CHANGES:
+            raise UsageError(f"got {len(wanted)} changes, valid: up to {MOST_CHANGES} at once")
         if not places:
             return {}
         check_place(self.store, places, wanted)
@@ -177,6 +183,7 @@ class AnnotationLog:
                 change = Change(when=when, who=who, row=row, kind=kind, value=value)
                 if fold_in(after, change):
                     lines.append(encode(change))
+            _check_amount(row, standing.get(row), after.get(row))
         return after, lines
 
     def _read(self) -> _Seen:
@@ -204,6 +211,18 @@ def default_who() -> str:
         return getpass.getuser()
     except (KeyError, OSError, ImportError):  # an account without a name
         return "unknown"
+
+
+def _check_amount(row: int, before: Annotation | None, after: Annotation | None) -> None:
+    """Check that a row has not come to have too many tags or marks; fewer than before are fine.
+
+    Raises:
+        UsageError: if it has.
+    """
+    for name, most in (("tags", MOST_TAGS), ("marks", MOST_MARKS)):
+        count = len(getattr(after, name, ()))
+        if count > max(most, len(getattr(before, name, ()))):
+            raise UsageError(f"episode {row} would have {count} {name}, valid: up to {most}")
 
 
 def _checked_rows(rows: Iterable[int]) -> list[int]:

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from flask import Flask
 
-from grasp_factory.browse import changing, files, listing, viewing
+from grasp_factory.browse import changing, crowd, files, listing, viewing
 from grasp_factory.browse.answers import tell_errors_as_json
 from grasp_factory.browse.asking import Number
 from grasp_factory.browse.guard import Guard, install
@@ -32,6 +32,7 @@ def create_app(
         live: A run that makes episodes meanwhile.
         thumbnails: Where small pictures are kept; None for the cache.
     """
+    index.patience_s = crowd.ANSWER_S
     site = Site(
         index=index,
         guard=Guard.of(hosts, token),
@@ -44,6 +45,8 @@ def create_app(
     app.url_map.merge_slashes = False  # an address that is not quite right is refused, not mended
     app.url_map.converters["n"] = Number
     install(app, site.guard)
+    crowd.install(app)
+    app.before_request(site.freshness.restore)
     tell_errors_as_json(app)
     for part in (files.routes(), listing.routes(site), viewing.routes(site), changing.routes(site)):
         app.register_blueprint(part)

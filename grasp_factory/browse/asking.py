@@ -10,6 +10,8 @@ from werkzeug.routing import BaseConverter
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.index import Query
 
+MOST_CONDITIONS = 20
+"""Each is looked up for itself, and many people may ask at once."""
 _DIGITS = "[0-9]{1,9}"
 
 
@@ -41,4 +43,7 @@ def asked_query() -> Query:
     Raises:
         UsageError: if they make none.
     """
-    return Query.parse(request.args.getlist("where"), request.args.get("sort", ""))
+    where = request.args.getlist("where")
+    if len(where) > MOST_CONDITIONS:
+        raise UsageError(f"got {len(where)} conditions, valid: up to {MOST_CONDITIONS} here")
+    return Query.parse(where, request.args.get("sort", ""))

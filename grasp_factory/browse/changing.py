@@ -13,6 +13,8 @@ from grasp_factory.browse.site import Site
 from grasp_factory.errors import GraspFactoryError, UsageError, shown
 from grasp_factory.records import is_integer, to_plain
 
+MOST_CHANGES = 20_000
+"""Of all episodes of one request together."""
 _VALID = '{"episodes": [[store, row], ...], "who": name, "changes": [[kind, value], ...]}'
 
 
@@ -52,6 +54,9 @@ def _asked(body: bytes) -> tuple[dict[int, list[int]], str, list[tuple[str, Any]
         pairs = isinstance(value, list) and all(isinstance(v, list) and len(v) == 2 for v in value)
         if not (pairs and value):
             raise UsageError(f"{name}: got {shown(value)}, valid: one pair or more, as in {_VALID}")
+    if len(episodes) * len(changes) > MOST_CHANGES:
+        got = f"got {len(changes)} changes of {len(episodes)} episodes"
+        raise UsageError(f"{got}, valid: up to {MOST_CHANGES} in all; send them in parts")
     if not isinstance(who, str):
         raise UsageError(f"who: got {shown(who)}, valid: a name")
     rows_of: dict[int, list[int]] = {}

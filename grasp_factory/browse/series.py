@@ -54,11 +54,7 @@ def episode_series(opened: OpenStore, row: int) -> dict[str, Any]:
             "gripper_width": rounded(streams["gripper_width"]),
         },
         "links": _links(dataset.config.robot, streams["joint_positions"]),
-        "tactile": {
-            "rows": TAXELS[0],
-            "columns": TAXELS[1],
-            "max": float(_taxels(opened, streams).max(initial=0.0)),
-        },
+        "tactile": _touch(opened, streams),
     }
 
 
@@ -66,28 +62,35 @@ def tactile(opened: OpenStore, row: int) -> bytes:
     """Return the normal force on each taxel over time, float32 (T, 2, rows, columns) newtons.
 
     Raises:
-        StoreError: if it is damaged.
+        StoreError: if it is damaged, or the store does not tell how large the pads are.
     """
-    streams = opened.dataset.series(row, *_TACTILE)
-    return _taxels(opened, streams).astype("<f4").tobytes()
+    taxels = _taxels(opened, opened.dataset.series(row, *_TACTILE))
+    if taxels is None:
+        raise StoreError(f"{opened.dataset.path}: its attribute robot has no pad_size")
+    return taxels.astype("<f4").tobytes()
 
 
-def pad_size(opened: OpenStore) -> tuple[float, float]:
-    """Return width and height of the robot's pads, metres.
-
-    Raises:
-        StoreError: if the store does not tell.
-    """
+def pad_size(opened: OpenStore) -> tuple[float, float] | None:
+    """Return width and height of the robot's pads, metres; None if the store does not tell."""
     dataset = opened.dataset
     try:
         width, height = map(float, dataset.attributes["robot"]["pad_size"])
     except (KeyError, TypeError, ValueError):
-        raise StoreError(f"{dataset.path}: its attribute robot has no pad_size") from None
+        return None
     return width, height
 
 
-def _taxels(opened: OpenStore, streams: Series) -> NDArray[np.float64]:
-    return taxel_image(streams, pad_size(opened), *TAXELS)
+def _touch(opened: OpenStore, streams: Series) -> dict[str, Any] | None:
+    taxels = _taxels(opened, streams)
+    if taxels is None:
+        return None
+    most = float(taxels.max(initial=0.0))
+    return {"rows": TAXELS[0], "columns": TAXELS[1], "max": most}
+
+
+def _taxels(opened: OpenStore, streams: Series) -> NDArray[np.float64] | None:
+    size = pad_size(opened)
+    return None if size is None else taxel_image(streams, size, *TAXELS)
 
 
 def _there(opened: OpenStore, *streams: str) -> list[str]:

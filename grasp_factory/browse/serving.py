@@ -19,6 +19,7 @@ from waitress.parser import HTTPRequestParser, ParsingError  # type: ignore[impo
 from waitress.server import create_server  # type: ignore[import-untyped]
 from waitress.task import ErrorTask  # type: ignore[import-untyped]
 
+from grasp_factory.browse.crowd import ASKING
 from grasp_factory.browse.guard import ANY_ADDRESS, HEADERS, MOST_BODY
 from grasp_factory.browse.numbers import json_bytes
 from grasp_factory.errors import UsageError, shown
@@ -26,7 +27,10 @@ from grasp_factory.errors import UsageError, shown
 PORT = 8642
 PORTS_TRIED = 100
 """From ``PORT`` on, where none is asked for."""
-THREADS = 8
+THREADS = ASKING + 3
+MOST_CONNECTIONS = 500
+IDLE_S = 30
+"""Seconds after which a connection on which nothing comes is closed."""
 MOST_HEADER = 32 * 1024
 """Bytes of a request's header; addresses with many conditions are long."""
 PATIENCE_S = 2.0
@@ -50,6 +54,10 @@ class Server:
             map=self._sockets,
             sockets=[listening],
             threads=THREADS,
+            connection_limit=MOST_CONNECTIONS,
+            channel_timeout=IDLE_S,
+            cleanup_interval=IDLE_S // 3,
+            asyncore_use_poll=True,
             ident=None,
             max_request_body_size=MOST_BODY + 1,  # it refuses what reaches it
             max_request_header_size=MOST_HEADER,
@@ -112,6 +120,8 @@ class _Parser(HTTPRequestParser):  # type: ignore[misc]
             super().parse_header(header_plus)
         except ValueError:  # of urlsplit, which waitress lets through
             raise ParsingError("Bad URI") from None
+        if self.proxy_scheme or self.proxy_netloc:  # a whole address: its name stands for Host
+            self.headers["HOST"] = self.proxy_netloc
 
 
 class _Channel(HTTPChannel):  # type: ignore[misc]

@@ -7,13 +7,13 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from flask import abort
+from flask import abort, request
 
 from grasp_factory.browse.guard import Guard
 from grasp_factory.browse.shelf import OpenStore, Shelf
 from grasp_factory.browse.thumbnails import Thumbnails
 from grasp_factory.errors import GraspFactoryError, StoreError
-from grasp_factory.index import Index
+from grasp_factory.index import Index, build
 
 LOOK_AGAIN_S = 3.0
 """Seconds for which the index is taken to be that of the stores."""
@@ -81,6 +81,7 @@ class Freshness:
 
     def __init__(self, index: Index) -> None:
         self._index = index
+        self._stores = [store.path for store in index.stores]
         self._lock = threading.Lock()
         self._looked = float("-inf")
 
@@ -97,6 +98,19 @@ class Freshness:
             self._refresh()
         finally:
             self._lock.release()
+
+    def restore(self) -> None:
+        """Make the index again if somebody has deleted it; whoever else asks waits for that.
+
+        Raises:
+            UsageError: if it cannot be written.
+            StoreError: if a store cannot be read.
+        """
+        if not request.path.startswith("/api/") or self._index.path.exists():
+            return
+        with self._lock:
+            if not self._index.path.exists():
+                build(self._stores, self._index.path)
 
     def _refresh(self) -> str:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory.annotations import Annotation, AnnotationLog
-from grasp_factory.errors import UsageError
+from grasp_factory.errors import UsageError, shown
 from grasp_factory.index.columns import BY_NAME, OF_PEOPLE, OF_ROWS, OF_STORES
 from grasp_factory.index.database import built_aside, quoted, row_id
 from grasp_factory.index.source import Source, state_of
@@ -33,8 +34,31 @@ class Built:
 
 def default_path(store: Path) -> Path:
     """Return where the index of a store lies: beside it, as ``grasps.zarr.index.sqlite``."""
-    whole = store.absolute()
+    whole = Path(os.path.abspath(store))
     return whole.with_name(whole.name + SUFFIX)
+
+
+def places(stores: Sequence[Path]) -> list[Path]:
+    """Return the whole paths of stores, in their order.
+
+    Raises:
+        UsageError: without any, for one that is named twice, also by a link, or for a name that
+            is no text.
+    """
+    paths = [Path(os.path.abspath(store)) for store in stores]
+    if not paths:
+        raise UsageError("no store is named, valid: stores, or one index file")
+    for path in paths:
+        try:
+            str(path).encode()
+        except UnicodeEncodeError:
+            what = "an index keeps paths as text, and this one is not UTF-8"
+            raise UsageError(f"store {shown(str(path))}: {what}; rename it") from None
+    real = [os.path.realpath(path) for path in paths]
+    for path, target in zip(paths, real, strict=True):
+        if real.count(target) > 1:
+            raise UsageError(f"store {path} is named {real.count(target)} times, valid: each once")
+    return paths
 
 
 def build(
@@ -57,11 +81,9 @@ def build(
         UsageError: if the index cannot be written, or ``out`` is another file than an index.
     """
     started = time.monotonic()
-    paths = [Path(store).absolute() for store in stores]
-    if not paths or len(set(paths)) < len(paths):
-        raise UsageError(f"index: got {len(paths)} stores, valid: at least one, each once")
+    paths, place = places(stores), Path(os.path.realpath(out))
     for path in paths:
-        if path in (out.absolute(), *out.absolute().parents):
+        if path.resolve() in (place, *place.parents):
             raise UsageError(f"index {out}: it would lie in the store {path}; choose another file")
     states = [state_of(path) for path in paths if read_attributes(path)]
     sources = [Source(path) for path in paths]

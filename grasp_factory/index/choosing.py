@@ -52,9 +52,9 @@ def in_order(
     by = order(query, facts)
     if found is None:
         return _walk(connection, by, Clause("1"))
-    if not query.sort:
-        return iter(sorted(found))
     if len(found) * FEW < number_of_rows(connection):
+        if not query.sort:
+            return iter(sorted(found))
         some = Clause("id IN (SELECT value FROM json_each(?))", (json.dumps(list(found)),))
         return _walk(connection, by, some)
     return filter(found.__contains__, _walk(connection, by, Clause("1")))

@@ -8,6 +8,7 @@ import fcntl
 import os
 import sqlite3
 import struct
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,8 +24,14 @@ WAIT_S = 60.0
 ROW_BITS = 40
 """A row's id is its store's number, shifted by this, and its number."""
 _TYPES = {"number": "REAL", "whole": "INTEGER", "bool": "INTEGER"}
+_STEPS = 10_000
+"""Of SQLite's machine, a millisecond or less, between looks at the clock."""
 _HEADER = 100
 """Bytes of an SQLite file's header."""
+
+
+class DamagedIndexError(StoreError):
+    """An index cannot be read: it can be made anew."""
 
 
 def row_id(store: int, row: int) -> int:
@@ -58,7 +65,9 @@ def version_of(file: Path) -> int | None:
         version, application = struct.unpack_from(">i", header, 60), header[68:72]
         if application == APPLICATION_ID.to_bytes(4):
             return int(version[0])
-    raise UsageError(f"{file} is no index of grasp-factory: nothing is written to it")
+    raise UsageError(
+        f"{file} is no index of grasp-factory: nothing is written to it; name another file"
+    )
 
 
 def connect(file: Path, mode: str) -> sqlite3.Connection:
@@ -90,13 +99,40 @@ def connect_reading(file: Path) -> sqlite3.Connection:
 
 
 @contextlib.contextmanager
+def limited(connection: sqlite3.Connection, seconds: float) -> Iterator[None]:
+    """Let a block's statements run for so long.
+
+    Raises:
+        StoreError: if they take longer.
+    """
+    deadline = time.monotonic() + seconds
+    connection.set_progress_handler(lambda: time.monotonic() > deadline, _STEPS)
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        if error.sqlite_errorcode != sqlite3.SQLITE_INTERRUPT:
+            raise
+        what = "the query takes too long: ask with fewer conditions, or fewer columns to sort by"
+        raise StoreError(f"{what}; it was stopped after {seconds:g} s") from None
+    finally:
+        connection.set_progress_handler(None, _STEPS)
+
+
+def _connect_writing(file: Path) -> sqlite3.Connection:
+    try:
+        return connect(file, "rw")
+    except sqlite3.OperationalError as error:
+        raise _cannot_write(file, str(error)) from None
+
+
+@contextlib.contextmanager
 def writing(file: Path) -> Iterator[sqlite3.Connection]:
     """Give a connection within a transaction that is committed at the end; readers go on.
 
     Raises:
         UsageError: if the file cannot be written.
     """
-    with contextlib.closing(connect(file, "rw")) as connection:
+    with contextlib.closing(_connect_writing(file)) as connection:
         # A transaction that spills from its cache locks readers out from then on.
         connection.execute("PRAGMA cache_spill = OFF")
         try:
@@ -151,9 +187,17 @@ def _cannot_write(file: Path, why: str) -> UsageError:
     return UsageError(f"index {file} cannot be written: {why}; {where}")
 
 
-def damaged(file: Path, error: Exception) -> StoreError:
+def damaged(file: Path, error: sqlite3.DatabaseError) -> StoreError:
     """Return the error to raise for an index that cannot be read."""
-    return StoreError(f"index {file} is damaged: {error}; delete it: it is built anew")
+    if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
+        return StoreError(f"index {file} is locked by another process: try again later")
+    return DamagedIndexError(f"index {file} is damaged: {error}; delete it: it is built anew")
+
+
+def gone(file: Path) -> StoreError:
+    """Return the error to raise for an index that was there before."""
+    what = f"there is no index at {file} any more"
+    return StoreError(f"{what}: grasp-factory index STORE... --out {file} makes it anew")
 
 
 def _locked(place: Path) -> int:

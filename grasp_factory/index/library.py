@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory.annotations import Annotation, AnnotationLog
-from grasp_factory.errors import StoreError, UsageError, lookup
+from grasp_factory.errors import UsageError, lookup
 from grasp_factory.index import histograms, sql, updating
 from grasp_factory.index.building import set_annotation
 from grasp_factory.index.choosing import all_in_order, count_found, some_in_order
@@ -22,6 +22,8 @@ from grasp_factory.index.database import (
     ROW_BITS,
     connect_reading,
     damaged,
+    gone,
+    limited,
     quoted,
     row_id,
     version_of,
@@ -41,6 +43,7 @@ class Index:
 
     Attributes:
         path: the file.
+        patience_s: for how long an answer may be looked for.
     """
 
     def __init__(self, path: Path) -> None:
@@ -49,7 +52,7 @@ class Index:
         Raises:
             UsageError: if there is none, or another file.
         """
-        self.path = path
+        self.path, self.patience_s = path, float("inf")
         self._threads = threading.local()
         self._connections: list[sqlite3.Connection] = []
         self._lock = threading.Lock()
@@ -237,7 +240,8 @@ class Index:
             connection = self._connection()
             connection.execute("BEGIN")
             try:
-                yield connection
+                with limited(connection, self.patience_s):
+                    yield connection
             finally:
                 connection.execute("ROLLBACK")
         except sqlite3.DatabaseError as error:
@@ -248,7 +252,7 @@ class Index:
         try:
             found = self.path.stat()
         except OSError:
-            raise StoreError(f"there is no index at {self.path} any more") from None
+            raise gone(self.path) from None
         file = (found.st_dev, found.st_ino)
         if getattr(self._threads, "file", None) != file:
             connection = connect_reading(self.path)

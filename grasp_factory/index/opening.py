@@ -7,8 +7,8 @@ from pathlib import Path
 
 from grasp_factory.cache import cache_dir, digest
 from grasp_factory.errors import UsageError
-from grasp_factory.index.building import build, default_path
-from grasp_factory.index.database import VERSION, version_of
+from grasp_factory.index.building import build, default_path, places
+from grasp_factory.index.database import VERSION, DamagedIndexError, version_of
 from grasp_factory.index.library import Index
 
 
@@ -33,7 +33,7 @@ def fresh(
         UsageError: if the index cannot be written, or another file or an index of other stores
             is in its place.
     """
-    stores = [Path(path).absolute() for path in paths]
+    stores = places(paths)
     if len(stores) == 1 and stores[0].is_file():
         if index is not None:
             raise UsageError(f"{paths[0]} is a file: --index goes with stores only")
@@ -47,11 +47,13 @@ def fresh(
             if there == set(stores):
                 opened.refresh()
                 return opened
+        except DamagedIndexError:
+            there = set(stores)  # it was to be theirs: it follows from them, and is made anew
         except BaseException:
             opened.close()
             raise
         opened.close()
-        if index is not None:
+        if index is not None and there != set(stores):
             names = ", ".join(map(str, sorted(there)))
             raise UsageError(
                 f"{index} is the index of {names}; give it in place of the stores, or name another"
@@ -62,11 +64,9 @@ def fresh(
 
 
 def _default(stores: Sequence[Path]) -> Path:
-    if not stores:
-        raise UsageError("no store is named, valid: stores, or one index file")
     if len(stores) == 1:
         return default_path(stores[0])
-    name = digest("\n".join(sorted(map(str, stores))).encode())
+    name = digest("\n".join(map(str, stores)).encode())
     folder = cache_dir() / "indexes"
     folder.mkdir(parents=True, exist_ok=True)
     return folder / f"{name}.sqlite"

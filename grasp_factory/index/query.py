@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from grasp_factory.errors import UsageError, lookup, shown
@@ -36,7 +37,9 @@ OPERATORS: Mapping[str, tuple[str, ...]] = {
 }
 """By a column's kind."""
 _CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(!=|<=|>=|=|<|>|~)(.*)", re.DOTALL)
-_TIME = re.compile(r"\d{4}(-\d\d(-\d\d([T ]\d\d(:\d\d(:\d\d(Z|\+00:00)?)?)?)?)?)?")
+_TIME = re.compile(r"\d{4}(-\d\d(-\d\d([T ]\d\d(:\d\d(:\d\d(Z|\+00:00)?)?)?)?)?)?", re.ASCII)
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
 _BOOLS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
 Value = str | float | bool | None
@@ -148,8 +151,11 @@ class Query:
 
 def _items(text: str) -> list[str | None]:
     """Return the texts of a value: itself, the items of a [list], None for null."""
-    if not (text.startswith("[") and text.endswith("]")):
+    if not text.startswith("["):
         return [None if text == "null" else text]
+    if not text.endswith("]") or not text[1:-1].strip():
+        valid = '[a,b]; a text that begins with a bracket is written ["[a"]'
+        raise UsageError(f"list {shown(text)}: valid: {valid}")
     if text[1:].lstrip().startswith('"'):
         try:
             items = json.loads(text)
@@ -169,10 +175,9 @@ def _read(column: Column, operator: str, text: str | None) -> Value:
     if column.kind == "bool":
         return _BOOLS.get(text.lower(), text)
     if column.kind in ("number", "whole"):
-        try:
-            return float(text) if not re.fullmatch(r"[-+]?\d{1,18}", text) else int(text)
-        except ValueError:
+        if not _NUMBER.fullmatch(text):
             return text
+        return int(text) if _WHOLE.fullmatch(text) else float(text)
     return text
 
 
@@ -211,10 +216,20 @@ def _bool(column: Column, operator: str, value: Value) -> Value:
 
 
 def _time(column: Column, operator: str, value: Value) -> Value:
-    if not isinstance(value, str) or not _TIME.fullmatch(value):
+    if not isinstance(value, str) or not _TIME.fullmatch(value) or not _is_on_calendar(value):
         valid = "a date or the beginning of one in UTC, such as 2026-03, 2026-03-01T08:30"
         raise _wrong(column, operator, value, valid)
     return value.replace(" ", "T").replace("+00:00", "Z")
+
+
+def _is_on_calendar(text: str) -> bool:
+    """Say whether a time, or the beginning of one, is of a day and an hour that there are."""
+    begun = text.removesuffix("Z").removesuffix("+00:00")
+    try:
+        datetime.fromisoformat(begun + "0001-01-01T00:00:00"[len(begun) :])
+    except ValueError:
+        return False
+    return True
 
 
 _CHECKS: Mapping[str, Callable[[Column, str, Value], Value]] = {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grasp_factory.annotations import AnnotationLog
 from grasp_factory.annotations.carrying import HOW_TO_MEND
-from grasp_factory.annotations.files import DESCRIPTION, NAME, appending
+from grasp_factory.annotations.files import DESCRIPTION, LINK, NAME, OWN_FOLDER, appending
 from grasp_factory.annotations.files import FOLDER as ANNOTATIONS
 from grasp_factory.errors import StoreError
 from grasp_factory.verifying.beside import placeholder_problems
@@ -25,6 +25,9 @@ _UNFINISHED = "its last line is unfinished: who wrote it was killed, or its end 
 def annotation_problems(pieces: Pieces) -> Iterator[Problem]:
     """Give a problem for each line of the log that stands for no change of a row of the store."""
     path = pieces.path
+    if (path / ANNOTATIONS).is_symlink():
+        yield _problem(f"its folder {LINK}", OWN_FOLDER)
+        return
     if not (path / ANNOTATIONS).is_dir():
         return
     yield from placeholder_problems(path, ANNOTATIONS)
