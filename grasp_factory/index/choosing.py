@@ -7,6 +7,7 @@ order until enough of them have come takes n - m more at the worst.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 import sqlite3
@@ -18,6 +19,8 @@ from grasp_factory.index.sql import Clause, Facts, condition_clause, order
 
 FEW = 10
 """Found rows are sorted by themselves where they are fewer than all by this factor."""
+FEW_LEFT_OUT = 4
+"""Those that are left out are looked up instead where they are fewer than all by this factor."""
 
 
 def found_ids(connection: sqlite3.Connection, query: Query, facts: Facts) -> Set[int] | None:
@@ -69,12 +72,40 @@ def some_in_order(
     connection: sqlite3.Connection, query: Query, facts: Facts, offset: int, limit: int
 ) -> tuple[int, list[int]]:
     """Return how many rows a query finds, and the ids of some of them in its order."""
-    found = found_ids(connection, query, facts)
-    total = number_of_rows(connection) if found is None else len(found)
+    left_out = _left_out(connection, query, facts)
+    found = None if left_out is not None else found_ids(connection, query, facts)
+    total = number_of_rows(connection) - len(left_out or ()) if found is None else len(found)
     stop = min(offset + limit, total)  # no step beyond the last one that there is
     if offset >= stop:
         return total, []
-    return total, list(itertools.islice(in_order(connection, query, facts, found), offset, stop))
+    rows = in_order(connection, query, facts, found)
+    if left_out is not None:
+        rows = itertools.filterfalse(left_out.__contains__, rows)
+    return total, list(itertools.islice(rows, offset, stop))
+
+
+def _left_out(connection: sqlite3.Connection, query: Query, facts: Facts) -> set[int] | None:
+    """Return the ids of the rows that a query's only condition leaves out, if they are few.
+
+    To fetch those is less work than to fetch the others. Looking for a text is as much for any.
+    """
+    if len(query.conditions) != 1 or query.conditions[0].operator == "~":
+        return None
+    condition, rows = query.conditions[0], number_of_rows(connection)
+    if condition.operator == "!=":
+        clause = condition_clause(dataclasses.replace(condition, operator="="), facts)
+        left = _count(connection, clause)
+    else:
+        holds = condition_clause(condition, facts)
+        left = rows - _count(connection, holds)
+        clause = Clause(f"({holds.sql}) IS NOT TRUE", holds.values)
+    return None if left * FEW_LEFT_OUT > rows else ids_of(connection, clause)
+
+
+def _count(connection: sqlite3.Connection, clause: Clause) -> int:
+    statement = f"SELECT count(*) FROM episodes WHERE {clause.sql}"
+    count: int = connection.execute(statement, clause.values).fetchone()[0]
+    return count
 
 
 def ids_of(connection: sqlite3.Connection, clause: Clause) -> set[int]:
