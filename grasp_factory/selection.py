@@ -12,6 +12,8 @@ from grasp_factory.errors import GraspFactoryWarning, UsageError, shown
 
 LONGEST = 9
 """Digits of a row."""
+LONGEST_LINE = 10_000
+"""Characters: a path and a row have fewer, and a line of /dev/zero would never end."""
 
 
 def read_selection(file: TextIO, store: Path) -> list[int]:
@@ -30,7 +32,8 @@ def read_selection(file: TextIO, store: Path) -> list[int]:
     rows, others = [], 0
     same: dict[str, bool] = {}
     try:
-        for number, line in enumerate(file, start=1):
+        lines = iter(lambda: file.readline(LONGEST_LINE), "")
+        for number, line in enumerate(lines, start=1):
             word = line.strip()
             if not word:
                 continue

@@ -14,6 +14,8 @@ from grasp_factory.errors import ConfigError, shown
 MAX_VALUES = 20_000
 """Values in one text, each alias counted as what it stands for: a bound for anchor bombs."""
 MAX_DEPTH = 40
+MAX_BYTES = 1_000_000
+"""Of a file; what is longer is no config, and /dev/zero would never end."""
 _MERGE = "tag:yaml.org,2002:merge"
 
 
@@ -64,12 +66,17 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """Return the mapping that a YAML file holds.
 
     Raises:
-        ConfigError: if the file cannot be read, is no YAML, or holds no mapping.
+        ConfigError: if the file cannot be read, is too large, is no YAML, or holds no mapping.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+        large = len(content) > MAX_BYTES
+        text = "" if large else content.decode("utf-8")
     except (OSError, ValueError, RuntimeError) as error:
         raise ConfigError(f"config file {path} cannot be read: {error}") from None
+    if large:
+        raise ConfigError(f"config file {path} is no config: it has more than {MAX_BYTES} bytes")
     data = parse_yaml(text, f"config file {path}")
     if data is None:
         return {}

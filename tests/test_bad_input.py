@@ -181,6 +181,7 @@ OPTIONS = (
     "--n", "--workers", "--shard", "--episode-timeout", "--max-failures", "--seed", "--robot",
     "--policy", "--model", "--objects", "--split", "--clutter", "--camera", "--resolution",
     "--renderer", "--randomize", "--physics", "--record-hz", "--video-hz", "--set", "--config",
+    "--live-port",
 )  # fmt: skip
 
 
@@ -190,11 +191,14 @@ def test_every_option_of_generate_is_tried_here() -> None:
 
 
 @settings(max_examples=80)
-@given(st.lists(st.tuples(st.sampled_from(OPTIONS), TEXTS), min_size=1, max_size=3))
+@given(
+    st.lists(st.tuples(st.sampled_from(OPTIONS), TEXTS), min_size=1, max_size=3),
+    st.sampled_from([[], ["--live"]]),
+)
 def test_any_values_of_options_are_taken_or_refused_in_one_line(
-    place: Path, pairs: list[tuple[str, str]]
+    place: Path, pairs: list[tuple[str, str]], flags: list[str]
 ) -> None:
-    words = [word for pair in pairs for word in pair]
+    words = [*flags, *(word for pair in pairs for word in pair)]
     with unharmed(place), mock.patch.object(factory, "prepare_store", refuse_all):
         check_refusal(run("generate", "--out", "new.zarr", *words))
 

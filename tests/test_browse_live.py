@@ -17,6 +17,8 @@ from selenium.common.exceptions import WebDriverException
 pytestmark = pytest.mark.slow
 SHOTS = os.environ.get("GRASP_FACTORY_SHOTS", "")
 """Folder that screenshots go to, to be looked at."""
+ENDLESS = 10_000
+"""Episodes of a run that no test sees the end of, however slow the browser is."""
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +107,7 @@ def test_progress_moves_to_the_end_and_says_how_to_go_on(page: Page, tmp_path: P
 
 
 def test_a_card_leads_to_its_episode_and_back(page: Page, tmp_path: Path) -> None:
-    with running(tmp_path / "ds.zarr", 40) as run:
+    with running(tmp_path / "ds.zarr", ENDLESS) as run:
         page.open(run.url)
         patiently(run, lambda: page.all("live-card"))
         card: Any = page.one("live-card")
@@ -119,7 +121,7 @@ def test_a_card_leads_to_its_episode_and_back(page: Page, tmp_path: Path) -> Non
 
 
 def test_a_run_that_is_stopped_is_said_to_be(page: Page, tmp_path: Path) -> None:
-    with running(tmp_path / "ds.zarr", 60) as run:
+    with running(tmp_path / "ds.zarr", ENDLESS) as run:
         page.open(run.url)
         patiently(run, lambda: made(page) > 0)
         run.process.send_signal(signal.SIGINT)

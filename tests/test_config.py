@@ -131,8 +131,9 @@ def test_a_yaml_file_is_read_as_a_mapping(tmp_path: Path) -> None:
         (b"- 1", "expected a mapping of keys, got [1]"),
         (b"a: \xff", "cannot be read: "),
         (b"a: !!python/object/apply:os.getcwd []", "is not valid YAML: "),
+        ("seed: 3 # é".encode() * 100_000, "is no config: it has more than 1000000 bytes"),
     ],
-    ids=["absent", "no YAML", "a list", "no text", "code"],
+    ids=["absent", "no YAML", "a list", "no text", "code", "large"],
 )
 def test_a_file_that_is_no_config_is_named(
     tmp_path: Path, content: bytes | None, text: str
@@ -143,6 +144,11 @@ def test_a_file_that_is_no_config_is_named(
     with pytest.raises(ConfigError, match=r"c\.yaml") as caught:
         read_yaml(file)
     assert text in str(caught.value)
+
+
+def test_a_file_without_an_end_is_no_config() -> None:
+    with pytest.raises(ConfigError, match="/dev/zero is no config: it has more than 1000000 bytes"):
+        read_yaml(Path("/dev/zero"))
 
 
 def test_the_first_difference_is_named_with_both_values() -> None:

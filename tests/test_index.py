@@ -618,6 +618,10 @@ class TestSelection:
         with pytest.raises(UsageError, match=r"--ids ids\.txt: line 2: got .*, valid: one episode"):
             self.read(f"1\n{line}\n", tmp_path)
 
+    def test_a_file_without_an_end_is_refused(self, tmp_path: Path) -> None:
+        with open("/dev/zero") as file, pytest.raises(UsageError, match="/dev/zero: line 1: got"):
+            read_selection(file, tmp_path)
+
     def test_what_is_printed_is_read_again(self, tmp_path: Path) -> None:
         for named in (True, False):
             lines = selection_lines([(tmp_path, 3), (tmp_path, 1)], named=named)
