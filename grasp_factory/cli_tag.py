@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from grasp_factory.arguments import AS_JSON, STORE, indices, print_json
-from grasp_factory.errors import UsageError
+from grasp_factory.errors import UsageError, shown
 
 if TYPE_CHECKING:
     from grasp_factory.annotations import Annotation, Change
@@ -58,6 +58,8 @@ def tag(
     from grasp_factory.annotations import AnnotationLog, default_who
     from grasp_factory.report_words import count
 
+    for word in sorted({*add}.intersection(remove)):
+        raise UsageError(f"--add and --remove both say {shown(word)}: choose one of them")
     changes: list[tuple[str, Any]] = [("tag", text) for text in add]
     changes += [("untag", text) for text in remove]
     if note is not None:

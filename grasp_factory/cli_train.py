@@ -13,6 +13,7 @@ import click
 
 from grasp_factory.arguments import AS_JSON, STORE, print_json
 from grasp_factory.errors import UsageError, shown
+from grasp_factory.outfile import is_in_store
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -208,7 +209,7 @@ def _new_folder(out: Path) -> None:
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UsageError(f"{out} is there already; give another folder with --out")
-    if any((parent / "zarr.json").exists() for parent in (out, *out.absolute().parents)):
+    if is_in_store(out):
         raise UsageError(f"{out} is inside a store, which holds data only; give another with --out")
     try:
         out.mkdir(parents=True, exist_ok=True)

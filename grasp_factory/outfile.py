@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,8 +41,8 @@ def check_out(path: Path, kinds: Sequence[FileKind]) -> FileKind:
     A file that is there already is replaced if it has that format, and is let alone otherwise.
 
     Raises:
-        UsageError: if the name ends otherwise, the folder does not exist, or something else is
-            there.
+        UsageError: if the name ends otherwise, the folder does not exist or is a store's, or
+            something else is there.
     """
     kind = next((kind for kind in kinds if path.suffix.lower() == kind.suffix), None)
     if kind is None:
@@ -49,6 +50,8 @@ def check_out(path: Path, kinds: Sequence[FileKind]) -> FileKind:
         raise UsageError(f"{path}: what would it be? valid: a name that ends in {valid}")
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist")
+    if is_in_store(path):
+        raise UsageError(f"{path} is inside a store, which holds data only: choose another folder")
     try:
         is_free = not path.exists() or (path.is_file() and kind.is_that_of(path))
     except OSError as error:
@@ -56,6 +59,12 @@ def check_out(path: Path, kinds: Sequence[FileKind]) -> FileKind:
     if not is_free:
         raise UsageError(f"{path} is there and is not {kind.what}: choose another name")
     return kind
+
+
+def is_in_store(path: Path) -> bool:
+    """Say whether a path is that of a Zarr store or inside one, links on the way followed."""
+    real = Path(os.path.realpath(path.parent), path.name)
+    return any((above / "zarr.json").exists() for above in (real, *real.parents))
 
 
 @contextlib.contextmanager

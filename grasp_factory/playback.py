@@ -235,14 +235,9 @@ def plan_video(dataset: Dataset, index: int, out: Path, view: View) -> VideoPlan
         view: How it is seen.
 
     Raises:
-        UsageError: for a quarantined episode, or a video that cannot be.
-        StoreError: if the episode cannot be read.
+        UsageError: for a video that cannot be.
+        StoreError: if the episode is quarantined or cannot be read.
     """
-    if dataset.status[index] == 2:
-        raise UsageError(
-            f"episode {index} is quarantined, there is no attempt to show:"
-            f" {dataset.column('error')[index]}"
-        )
     pace = dataclasses.replace(view.pace, fps=nearest_fps(out, view.pace.fps))
     episode = dataset[index]
     plan = VideoPlan(

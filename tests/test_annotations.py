@@ -1117,6 +1117,7 @@ class TestTheCommands:
         [
             (("--add", "x"), "no episodes are chosen: name them with --episodes or --ids"),
             (("--episodes", "0"), "no changes: name a tag"),
+            (("--episodes", "0", "--add", "x", "--remove", "x"), "--add and --remove both say 'x'"),
             (("--episodes", "0", "--add", "a,b"), "tag: got 'a,b', valid: 1 to 64 printable"),
             (("--episodes", "0", "--add", "\x1b[31m"), "tag: got '\\x1b[31m'"),
             (("--episodes", "0", "--quality", "6"), "quality: got 6, valid: 1 to 5, or none"),

@@ -639,7 +639,7 @@ class TestStoresThatChange:
         with fresh([own_store], tmp_path / "index.sqlite") as index:
             index.path.unlink()
             with pytest.raises(UsageError, match="cannot be written"):
-                index.annotated(0, 1, None)
+                index.annotated(0, {1: None})
             with pytest.raises(StoreError, match=r"grasp-factory index STORE... --out"):
                 index.row(0, 1)
 

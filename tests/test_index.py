@@ -244,7 +244,7 @@ class TestDerived:
     def test_deleting_it_loses_no_tag(self, store: Path) -> None:
         with fresh([store]) as index:
             said = AnnotationLog(store).append("me", [3], [("tag", "rare"), ("note", "look")])
-            index.annotated(0, 3, said[3])
+            index.annotated(0, said)
             assert index.ids(Query.parse(["tags=rare"])) == [(0, 3)]
         default_path(store).unlink()
         with fresh([store]) as index:
@@ -324,13 +324,13 @@ class TestDerived:
         said = log.append(
             "me", [2], [("tag", "b"), ("tag", "a"), ("mark", box | {"pixels": [1, 1, 2, 2]})]
         )
-        index.annotated(0, 2, said[2])
+        index.annotated(0, said)
         row = index.row(0, 2)
         assert row is not None
         assert (row["tags"], row["marks"], row["note"]) == (["a", "b"], 1, None)
         assert index.refresh() == 0
         said = log.append("me", [2], [("untag", "a"), ("untag", "b"), ("unmark", "0" * 12)])
-        index.annotated(0, 2, said[2])
+        index.annotated(0, said)
         assert index.row(0, 2) == row | {"tags": [], "marks": None}
         assert index.words("tags") == []
 
@@ -339,7 +339,7 @@ class TestDerived:
         assert row is not None
         assert row["data_quality"] == row["quality"]
         said = AnnotationLog(store).append("me", [0], [("quality", 3), ("outcome", "unstable")])
-        index.annotated(0, 0, said[0])
+        index.annotated(0, said)
         assert index.row(0, 0) == row | {
             "data_quality": 3,
             "corrected_outcome": "unstable",

@@ -452,8 +452,8 @@ class TestCommand:
     ) -> None:
         store = with_a_quarantined_row(tmp_path / "s.zarr")
         code, err = complaint("replay", store, 1, "--video", "v.mp4")
-        assert code == 2
-        assert "episode 1 is quarantined, there is no attempt to show: no luck with 1" in err
+        assert code == 1
+        assert "episode 1 is quarantined: no luck with 1" in err
         assert not (tmp_path / "v.mp4").exists()
 
     def test_that_is_stopped_leaves_nothing(

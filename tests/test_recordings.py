@@ -328,8 +328,8 @@ class TestCommand:
         self, complaint: Callable[..., tuple[int, str]], tmp_path: Path
     ) -> None:
         code, err = complaint("rerun", with_a_quarantined_row(tmp_path / "s.zarr"), 1)
-        assert code == 2
-        assert "episode 1 is quarantined, there is no attempt to show: no luck with 1" in err
+        assert code == 1
+        assert "episode 1 is quarantined: no luck with 1" in err
 
     def test_that_is_stopped_leaves_nothing(
         self, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from fake_episodes import JOINTS, make_episode, make_rows, small_config
+from helpers import tree
 
 from grasp_factory import painting, sheet, tiles
 from grasp_factory.cli import cli
@@ -249,6 +250,18 @@ def test_what_is_no_picture_is_not_written_over(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="is there and is not a PNG image"):
         write_png(path, np.zeros((2, 2, 3), np.uint8))
     assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize("place", ["s.zarr", "s.zarr/episodes", "link", "deep/../s.zarr"])
+def test_no_picture_is_put_into_a_store(tmp_path: Path, place: str) -> None:
+    (tmp_path / "s.zarr" / "episodes").mkdir(parents=True)
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "s.zarr" / "zarr.json").write_text("{}")
+    (tmp_path / "link").symlink_to(tmp_path / "s.zarr" / "episodes")
+    before = tree(tmp_path)
+    with pytest.raises(UsageError, match=r"p\.png is inside a store, which holds data only"):
+        write_png(tmp_path / place / "p.png", np.zeros((2, 2, 3), np.uint8))
+    assert tree(tmp_path) == before
 
 
 def test_a_picture_that_is_there_is_replaced(tmp_path: Path) -> None:

@@ -30,10 +30,12 @@ def routes(site: Site) -> Blueprint:
         told = []
         for store, rows in rows_of.items():
             written = logs[store].append(who, rows, changes)
-            for row, annotation in written.items():
-                with contextlib.suppress(GraspFactoryError):  # it stands, whatever the index is
-                    site.index.annotated(store, row, annotation)
-                told.append({"store": store, "row": row, "annotation": to_plain(annotation)})
+            with contextlib.suppress(GraspFactoryError):  # it stands, whatever the index is
+                site.index.annotated(store, written)
+            told += [
+                {"store": store, "row": row, "annotation": to_plain(annotation)}
+                for row, annotation in written.items()
+            ]
         return json_answer({"annotations": told})
 
     return pages

@@ -39,6 +39,11 @@ def row_id(store: int, row: int) -> int:
     return store << ROW_BITS | row
 
 
+def place_of(key: int) -> tuple[int, int]:
+    """Return the store and the row that an id stands for."""
+    return key >> ROW_BITS, key & ((1 << ROW_BITS) - 1)
+
+
 def quoted(column: str) -> str:
     """Return a column's name for SQL.
 

@@ -3,34 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import sqlite3
 import threading
 from array import array
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from grasp_factory.annotations import Annotation, AnnotationLog
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.index import histograms, sql, updating
+from grasp_factory.index import histograms, updating
 from grasp_factory.index.building import set_annotation
 from grasp_factory.index.choosing import all_in_order, count_found, some_in_order
-from grasp_factory.index.columns import BY_NAME, COLUMNS, OF_ROWS, OF_STORES
+from grasp_factory.index.columns import BY_NAME
 from grasp_factory.index.database import (
-    ROW_BITS,
     connect_reading,
     damaged,
     gone,
     limited,
-    quoted,
+    place_of,
     row_id,
     version_of,
     writing,
 )
 from grasp_factory.index.query import Query
 from grasp_factory.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
+from grasp_factory.index.shown import facts_of, rows_of
 
 NEAR = 10_000
 """Rows from the first on that are looked up for themselves; beyond, the whole order is kept."""
@@ -121,14 +120,15 @@ class Index:
                         raise
                 return 0  # it only had not been certain that nothing had changed
 
-    def annotated(self, store: int, row: int, annotation: Annotation | None) -> None:
-        """Take over what a log says of a row, which has just been written to it.
+    def annotated(self, store: int, said: Mapping[int, Annotation | None]) -> None:
+        """Take over what a log says of rows, which has just been written to it.
 
         Raises:
             UsageError: if the index cannot be written.
         """
         with self._refreshing, writing(self.path) as connection:
-            set_annotation(connection, row_id(store, row), annotation)
+            for row, annotation in said.items():
+                set_annotation(connection, row_id(store, row), annotation)
 
     def page(self, query: Query, offset: int = 0, limit: int = 60) -> Page:
         """Return how many rows a query finds, and some of them.
@@ -137,7 +137,7 @@ class Index:
             StoreError: if the index is damaged.
         """
         with self._reading() as connection:
-            facts = _facts(connection)
+            facts = facts_of(connection)
             known = self._known(connection, query)
             if known is None and offset > NEAR:
                 known = self._ordered(connection, query)
@@ -145,22 +145,22 @@ class Index:
                 total, keys = len(known), known[offset : offset + limit].tolist()
             else:
                 total, keys = some_in_order(connection, query, facts, offset, limit)
-            return Page(total=total, rows=_rows(connection, keys, facts))
+            return Page(total=total, rows=rows_of(connection, keys, facts))
 
     def count(self, query: Query) -> int:
         """Return how many rows a query finds."""
         with self._reading() as connection:
-            return count_found(connection, query, _facts(connection))
+            return count_found(connection, query, facts_of(connection))
 
     def ids(self, query: Query) -> list[tuple[int, int]]:
         """Return store and row of every row that a query finds, in its order."""
         with self._reading() as connection:
-            return [_place(key) for key in self._ordered(connection, query)]
+            return [place_of(key) for key in self._ordered(connection, query)]
 
     def row(self, store: int, row: int) -> dict[str, Any] | None:
         """Return one row; None if the index has none of these numbers."""
         with self._reading() as connection:
-            found = _rows(connection, [row_id(store, row)], _facts(connection))
+            found = rows_of(connection, [row_id(store, row)], facts_of(connection))
             return found[0] if found else None
 
     def neighbours(self, query: Query, store: int, row: int) -> Neighbours:
@@ -174,8 +174,8 @@ class Index:
         return Neighbours(
             position=at,
             total=len(keys),
-            previous=_place(keys[at - 1]) if at else None,
-            next=_place(keys[at + 1]) if at + 1 < len(keys) else None,
+            previous=place_of(keys[at - 1]) if at else None,
+            next=place_of(keys[at + 1]) if at + 1 < len(keys) else None,
         )
 
     def histogram(self, column: str, query: Query, bins: int = 30) -> WordBars | NumberBins:
@@ -187,7 +187,7 @@ class Index:
         """
         found = lookup(BY_NAME, "column", column)
         with self._reading() as connection:
-            return histograms.histogram(connection, found, query, _facts(connection), bins)
+            return histograms.histogram(connection, found, query, facts_of(connection), bins)
 
     def words(self, column: str, limit: int = 200) -> list[str]:
         """Return different values of a column of words or tags, sorted.
@@ -198,14 +198,14 @@ class Index:
         """
         found = lookup(BY_NAME, "column", column)
         with self._reading() as connection:
-            return histograms.words(connection, found, _facts(connection), limit)
+            return histograms.words(connection, found, facts_of(connection), limit)
 
     def _ordered(self, connection: sqlite3.Connection, query: Query) -> array[int]:
         """Return the ids of all rows that a query finds, in its order."""
         known = self._known(connection, query)
         if known is not None:
             return known
-        keys = all_in_order(connection, query, _facts(connection))
+        keys = all_in_order(connection, query, facts_of(connection))
         key = self._key(connection, query)
         with self._lock:
             self._orders[key] = keys
@@ -261,40 +261,3 @@ class Index:
                 self._connections.append(connection)
         mine: sqlite3.Connection = self._threads.connection
         return mine
-
-
-def _facts(connection: sqlite3.Connection) -> dict[int, dict[str, str]]:
-    found = connection.execute(f"SELECT id, {', '.join(OF_STORES)} FROM stores ORDER BY id")
-    return {number: dict(zip(OF_STORES, rest, strict=True)) for number, *rest in found}
-
-
-def _place(key: int) -> tuple[int, int]:
-    return key >> ROW_BITS, key & ((1 << ROW_BITS) - 1)
-
-
-def _rows(
-    connection: sqlite3.Connection, keys: list[int], facts: sql.Facts
-) -> list[dict[str, Any]]:
-    """Return rows by their ids, in their order, as people see them."""
-    names = ", ".join(map(quoted, OF_ROWS))
-    found = connection.execute(
-        f"SELECT id, {names} FROM episodes WHERE id IN (SELECT value FROM json_each(?))",
-        (json.dumps(keys),),
-    )
-    by_key = {key: dict(zip(OF_ROWS, values, strict=True)) for key, *values in found}
-    return [_shown({**by_key[key], **facts[_place(key)[0]]}) for key in keys if key in by_key]
-
-
-def _shown(row: dict[str, Any]) -> dict[str, Any]:
-    return {column.name: _SHOWN.get(column.kind, _same)(row[column.name]) for column in COLUMNS}
-
-
-def _same(value: Any) -> Any:
-    return value
-
-
-_SHOWN: dict[str, Callable[[Any], Any]] = {
-    "bool": lambda value: None if value is None else bool(value),
-    "tags": lambda value: [] if value is None else json.loads(value),
-    "json": lambda value: None if value is None else json.loads(value),
-}

@@ -10,7 +10,7 @@ import rerun as rr
 from grasp_factory import carried
 from grasp_factory.curves import curve_groups, phase_spans
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import UsageError
+from grasp_factory.episode import Episode
 from grasp_factory.outfile import check_out, written_aside
 from grasp_factory.recordings.cameras import log_cameras, log_clouds, log_labels
 from grasp_factory.recordings.layout import blueprint
@@ -33,23 +33,18 @@ def write_recording(dataset: Dataset, index: int, out: Path) -> None:
         out: Ends in .rrd; a recording that is there is replaced.
 
     Raises:
-        UsageError: for a quarantined episode, or if that is no place for a recording.
-        StoreError: if the episode cannot be read, or the file not be written.
+        UsageError: if that is no place for a recording.
+        StoreError: if the episode is quarantined or cannot be read, or the file not be written.
         RecipeError: if an object of the episode is not there any more.
     """
     check_out(out, [RRD])
-    if dataset.status[index] == 2:
-        raise UsageError(
-            f"episode {index} is quarantined, there is no attempt to show:"
-            f" {dataset.column('error')[index]}"
-        )
+    episode = dataset[index]
     carried.unpack(dataset.path, dataset.config)
     with written_aside(out) as partial:
-        _write(dataset, index, partial)
+        _write(dataset, index, episode, partial)
 
 
-def _write(dataset: Dataset, index: int, file: Path) -> None:
-    episode = dataset[index]
+def _write(dataset: Dataset, index: int, episode: Episode, file: Path) -> None:
     streams, columns = episode.streams, episode.columns
     groups = curve_groups(
         streams, episode.imu, columns["object_com"][0], float(columns["rest_height"])
