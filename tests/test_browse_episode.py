@@ -315,6 +315,22 @@ def test_the_point_cloud_shows_turns_and_follows_the_slider(show: Callable[..., 
     page.until(lambda: picture(page, cloud) != turned, "the gripper moves")
 
 
+def test_the_point_cloud_is_seen_from_where_the_whole_arm_is_in_the_picture(
+    show: Callable[..., Page],
+) -> None:
+    page = show(REAL, 0)
+    page.until(lambda: "point" in page.text("cloud-status"), "points")
+    highest = """
+      const c = document.querySelector('[data-testid=cloud]'), gl = c.getContext('webgl2');
+      const w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, p = new Uint8Array(4 * w * h);
+      gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p);
+      const isArm = (i) => p[4 * i] > 180 && p[4 * i + 1] > 80 && p[4 * i + 2] < 60;
+      return Array.from({length: w * h}, (_, i) => i).findLast(isArm) / w / h;
+    """
+    page.until(lambda: page.script(highest), "the arm")
+    assert 0.7 < page.script(highest) < 0.99
+
+
 def test_without_webgl_a_line_says_so_and_all_else_works(page: Page, server: Server) -> None:
     # As in a browser without it: canvases give no context.
     code = """

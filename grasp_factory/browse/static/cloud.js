@@ -2,15 +2,14 @@
 
 import { getBytes } from './api.js';
 import { h } from './dom.js';
-import { cssColor, plural } from './format.js';
+import { plural } from './format.js';
 import { isPose } from './projection.js';
 import { segments } from './segments.js';
 import { makeGripper, makeSkeleton, place } from './solids.js';
+import { makeStage } from './stage.js';
 import * as THREE from './vendor/three.js';
 
-const START = [0.55, 0, 0.05]; // where the arm works, if the episode does not say
-const OFFSET = [0.95, -0.8, 0.55]; // of the eye from there, metres
-const ABOVE = 0.12; // of what the eye looks at above the target, metres
+const AROUND = 0.15; // of the objects, metres: seen even where the server knows no arm
 const ROBOT = ['arm', 'gripper'];
 const FAINT = 0.12; // of the robot's points at times other than their image's
 const AUTO = 'with time';
@@ -48,7 +47,7 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
   const axes = new THREE.AxesHelper(0.06);
   stage.scene.add(gripper.group, axes);
   if (skeleton) stage.scene.add(skeleton.group);
-  stage.lookAt(episode.columns.object_rest_pose?.[0]?.slice(0, 3) ?? START, OFFSET);
+  stage.show(whereabouts(series, episode));
 
   drawTools();
   clock.onTime(move);
@@ -143,86 +142,17 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
   };
 }
 
-/** The renderer with its camera, lights and table grid, drawn only when something has changed. */
-function makeStage(host) {
-  const canvas = h('canvas', { class: 'space-canvas', tabindex: 0, role: 'img', 'aria-label': 'Points of the scene in 3-D: drag to turn', dataset: { testid: 'cloud' } });
-  // Kept after drawing, so that it can be read back as a picture.
-  const kept = { alpha: true, antialias: true, preserveDrawingBuffer: true };
-  const context = canvas.getContext('webgl2', kept);
-  if (!context) return null;
-  const renderer = new THREE.WebGLRenderer({ canvas, context, ...kept });
-  const scene = new THREE.Scene();
-  const camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.02, 20);
-  camera.up.set(0, 0, 1);
-  const controls = new THREE.OrbitControls(camera, canvas);
-  const light = new THREE.DirectionalLight(0xffffff, 1.6);
-  light.position.set(1, -1, 2);
-  scene.add(new THREE.AmbientLight(0xffffff, 1.4), light);
-  let isOver = false;
-  let asked = 0;
-  let home = () => {};
-  let grid = null;
-  const scheme = matchMedia('(prefers-color-scheme: dark)');
-  scheme.addEventListener('change', drawGrid);
-  drawGrid();
-
-  function draw() {
-    if (!asked && !isOver) asked = requestAnimationFrame(render);
-  }
-
-  function drawGrid() {
-    if (grid) scene.remove(grid);
-    grid?.dispose();
-    grid = new THREE.GridHelper(1.2, 24, cssColor('--line-strong'), cssColor('--line'));
-    grid.rotation.x = Math.PI / 2;
-    grid.position.set(START[0], START[1], -0.001);
-    scene.add(grid);
-    draw();
-  }
-
-  function render() {
-    asked = 0;
-    renderer.render(scene, camera);
-  }
-
-  const sized = new ResizeObserver(() => {
-    const { clientWidth: width, clientHeight: height } = host;
-    if (!width || !height) return;
-    renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
-    renderer.setSize(width, height, false);
-    camera.aspect = width / height;
-    camera.updateProjectionMatrix();
-    draw();
-  });
-  sized.observe(host);
-  controls.addEventListener('change', draw);
-  host.append(canvas);
-
-  return {
-    scene,
-    draw,
-    isOver: () => isOver,
-    lookAt(point, offset) {
-      home = () => {
-        controls.target.set(point[0], point[1], point[2] + ABOVE);
-        camera.position.set(...point.map((value, i) => value + offset[i]));
-        controls.update();
-        draw();
-      };
-      home();
-    },
-    reset: () => home(),
-    stop() {
-      isOver = true;
-      cancelAnimationFrame(asked);
-      sized.disconnect();
-      scheme.removeEventListener('change', drawGrid);
-      controls.dispose();
-      grid.dispose();
-      renderer.dispose();
-      renderer.forceContextLoss();
-    },
-  };
+/** Corners around the objects where they lie at first, and all places of the arm's links. */
+function whereabouts(series, episode) {
+  const poses = (episode.columns.object_rest_pose ?? []).filter(isPose);
+  const corners = poses.flatMap(([x, y, z]) =>
+    [-AROUND, AROUND].flatMap((by) => [
+      [x + by, y, z],
+      [x, y + by, z],
+      [x, y, z + by],
+    ]),
+  );
+  return [...corners, ...(series.links?.positions ?? []).flat().filter(isPose)];
 }
 
 function unpack(bytes) {
