@@ -552,6 +552,26 @@ def test_the_comparison_shows_two_episodes_by_one_slider(
     )
 
 
+def test_the_comparison_shows_touch_of_both_on_one_scale_and_both_in_3d(page: Page) -> None:
+    page.go(f"#/compare/{REAL}:0,{REAL}:1")
+    page.until(
+        lambda: ["point" in one.text for one in page.all("cloud-status")] == [True, True], "points"
+    )
+    scales = "return [...document.querySelectorAll('.touch .legend')].map((one) => one.textContent)"
+    first, second = page.script(scales)
+    assert first == second
+    assert "N per taxel" in first
+    pictures = """
+      const canvases = [...document.querySelectorAll('[data-testid=tactile] .heat')];
+      return canvases.map((one) => one.toDataURL());
+    """
+    page.until(lambda: len(page.script(pictures)) == 4, "pads")
+    seek(page, 0)
+    page.until(lambda: len(set(page.script(pictures))) == 1, "nothing is touched")
+    seek(page, 300)
+    page.until(lambda: len(set(page.script(pictures))) > 1, "somebody touches something")
+
+
 def test_two_episodes_are_picked_for_a_comparison_on_their_pages(show: Callable[..., Page]) -> None:
     page = show(REAL, 2)
     page.press("c")

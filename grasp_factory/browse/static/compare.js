@@ -2,12 +2,14 @@
 
 import { getJson } from './api.js';
 import { NOTHING, inOrder, makeClock, nearest } from './clock.js';
+import { makeCloud } from './cloud.js';
 import { makeCurves } from './curves.js';
 import { h, isTyping } from './dom.js';
 import { FACT_GROUPS, factText, unitText } from './facts.js';
 import { amount, badge, readable } from './format.js';
 import { makeImages } from './images.js';
 import { compareHash, episodeHash, gridHash, pair } from './routes.js';
+import { makeTactile } from './tactile.js';
 import { makeTimeline } from './timeline.js';
 
 const LETTERS = ['A', 'B'];
@@ -28,6 +30,7 @@ export async function show(root, route, library, left) {
   if (ids[0] === ids[1]) throw new Error(`A comparison is of two episodes, and ${ids[0]} is both: select another one.`);
   const sides = await Promise.all(ids.map((id, i) => load(id, LETTERS[i], library, left)));
   left.throwIfAborted();
+  const brightest = Math.max(...sides.map(({ series }) => series.tactile?.max ?? 0));
   const params = new URLSearchParams(route.params);
   const align = params.get('align') ?? START;
   params.delete('align');
@@ -82,14 +85,16 @@ export async function show(root, route, library, left) {
 
   function column({ id, letter, episode, series }, shared, offset, ends) {
     const [store, row] = pair(id);
-    const images = [];
+    const panels = [];
     if (episode.status !== 'quarantined') {
       const clock = follower(shared, series.time, offset);
-      const made = makeImages({ store, row, episode, series, library, clock, marks: NO_MARKS });
-      ends.push(made.stop);
-      images.push(made.scene, made.stills);
+      const parts = { store, row, episode, series, library, clock, marks: NO_MARKS, signal: left };
+      const images = makeImages(parts);
+      const cloud = makeCloud(parts);
+      ends.push(images.stop, cloud.stop);
+      panels.push(images.scene, images.stills, makeTactile({ ...parts, brightest }).node, cloud.node);
     } else {
-      images.push(h('pre', { class: 'panel error-text' }, episode.error || 'quarantined'));
+      panels.push(h('pre', { class: 'panel error-text' }, episode.error || 'quarantined'));
     }
     return h(
       'section',
@@ -101,7 +106,7 @@ export async function show(root, route, library, left) {
         badge(episode.index.outcome, episode.annotation?.outcome),
         h('a', { href: episodeHash(store, row, params) }, `${library.stores.find((one) => one.id === store).name} #${row}`),
       ),
-      images,
+      panels,
     );
   }
 

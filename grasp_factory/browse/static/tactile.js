@@ -8,9 +8,10 @@ const PADS = ['left', 'right'];
 // Inferno's way from black to pale yellow: its lightness rises evenly, also for colour-blind eyes.
 const STOPS = [[0, 0, 4], [40, 11, 84], [101, 21, 110], [159, 42, 99], [212, 72, 66], [245, 125, 21], [250, 193, 39], [252, 255, 164]];
 
-/** Returns {node}; what it needs is asked for in the background. */
-export function makeTactile({ store, row, episode, series, clock, signal }) {
+/** Returns {node}; what it needs is asked for in the background. `brightest` is the scale's end, N. */
+export function makeTactile({ store, row, episode, series, clock, signal, brightest }) {
   const { rows, columns, max } = series.tactile ?? {};
+  const end = brightest ?? max;
   const status = h('p', { class: 'muted' });
   const scale = h('canvas', { class: 'heat-scale', width: 256, height: 1, 'aria-hidden': 'true' });
   const pads = PADS.map((name) => makePad(name, rows, columns, episode.pad_size));
@@ -23,7 +24,7 @@ export function makeTactile({ store, row, episode, series, clock, signal }) {
       { class: 'legend' },
       h('span', null, '0'),
       scale,
-      h('span', null, `${amount(max)} N per taxel`),
+      h('span', null, `${amount(end)} N per taxel`),
       h('span', { class: 'key' }, h('i', { class: 'cross' }, '+'), 'centre of pressure'),
     ),
   );
@@ -54,7 +55,7 @@ export function makeTactile({ store, row, episode, series, clock, signal }) {
     clock.onTime(() =>
       pads.forEach((pad, i) => {
         const start = (clock.index * 2 + i) * size;
-        pad.draw(forces.subarray(start, start + size), max);
+        pad.draw(forces.subarray(start, start + size), end);
       }),
     );
   }
