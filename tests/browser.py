@@ -31,7 +31,7 @@ from typing import Any, TypeVar
 
 import pytest
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 DESKTOP, PHONE = (1280, 720), (390, 844)
 NEEDS_BROWSER = "GRASP_FACTORY_NEEDS_BROWSER"
 _FLAGS = (
