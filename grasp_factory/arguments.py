@@ -15,6 +15,9 @@ from grasp_factory.records import to_plain
 from grasp_factory.request import parse_size
 
 STORE = click.argument("path", type=click.Path(path_type=Path))
+IDS = click.option(
+    "--ids", metavar="FILE", type=click.File(), help="Rows, one to a line; - is stdin."
+)
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts.")
 
 

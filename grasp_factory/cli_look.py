@@ -9,7 +9,7 @@ from typing import Any, TextIO
 
 import click
 
-from grasp_factory.arguments import STORE, indices, resolution
+from grasp_factory.arguments import IDS, STORE, indices, resolution
 from grasp_factory.errors import UsageError
 from grasp_factory.options import dataset_options, request_from
 
@@ -18,7 +18,7 @@ from grasp_factory.options import dataset_options, request_from
 @STORE
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--episodes", metavar="I,J,...", help="These rows.  [default: some, of both classes]")
-@click.option("--ids", metavar="FILE", type=click.File(), help="Rows, one to a line; - is stdin.")
+@IDS
 @click.option("--n", type=int, help="How many at most.  [default: 12; tiles: 60]")
 @click.option("--tiles", is_flag=True, help="Many small ones: before and after, up to 600.")
 @click.option("--columns", type=int, help="Tiles side by side.  [default: a sheet of 4:3, about]")

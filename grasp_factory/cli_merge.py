@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from grasp_factory.arguments import AS_JSON, STORE, indices, print_json
+from grasp_factory.arguments import AS_JSON, IDS, STORE, indices, print_json
 from grasp_factory.errors import UsageError, lookup, shown
 from grasp_factory.records import is_integer
 from grasp_factory.yamltext import parse_yaml
@@ -44,7 +44,7 @@ def merge(out: Path, stores: tuple[Path, ...], as_json: bool) -> None:
 @STORE
 @OUT
 @click.option("--episodes", metavar="I,J,...", help="These rows.")
-@click.option("--ids", metavar="FILE", type=click.File(), help="Rows, one to a line; - is stdin.")
+@IDS
 @click.option(
     "--where",
     metavar="COLUMN=VALUE",

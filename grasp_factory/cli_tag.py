@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from grasp_factory.arguments import AS_JSON, STORE, indices, print_json
+from grasp_factory.arguments import AS_JSON, IDS, STORE, indices, print_json
 from grasp_factory.errors import UsageError, shown
 
 if TYPE_CHECKING:
@@ -21,9 +21,6 @@ NONE = "none"
 LONGEST_LINE = 80
 """Of a change, in a table."""
 EPISODES = click.option("--episodes", metavar="I,J,...", help="These rows.")
-IDS = click.option(
-    "--ids", metavar="FILE", type=click.File(), help="Rows, one to a line; - is stdin."
-)
 
 
 @click.command()

@@ -7,17 +7,18 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TextIO, TypeVar
 
 import click
 
-from grasp_factory.arguments import AS_JSON, STORE, print_json
+from grasp_factory.arguments import AS_JSON, IDS, STORE, print_json
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.outfile import is_in_store
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _OPTIONS = (
+    IDS,
     click.option(
         "--test",
         type=click.Path(path_type=Path),
@@ -64,13 +65,15 @@ def train(
     kinds: tuple[str, ...],
     episodes: int | None,
     test: Path | None,
+    ids: TextIO | None,
     as_json: bool,
     **options: Any,
 ) -> None:
     """Train baselines on the store at PATH and judge them on its held-out objects.
 
     vision sees the depth image before the attempt, touch the pads' wrenches until the lift, both
-    sees both. The table has what needs no learning beside them.
+    sees both. The table has what needs no learning beside them. With --ids, only these rows of the
+    train split are learned from; what chooses weights and judges stays whole.
     """
     _check_libraries()
     from grasp_factory.baselines import plots
@@ -80,7 +83,12 @@ def train(
     from grasp_factory.progress import watched
 
     settings, noise = _settings(options), options["noise"]
-    course = Course(kinds=kinds or Course().kinds, episodes=episodes, settings=settings)
+    course = Course(
+        kinds=kinds or Course().kinds,
+        episodes=episodes,
+        rows=_selection(ids, path),
+        settings=settings,
+    )
     dataset, judge = _open(path, test, noise)
     _new_folder(out)
     found = compare(dataset, judge, course, watched)
@@ -126,6 +134,7 @@ def learning_curve(
     seeds: int,
     kind: str,
     test: Path | None,
+    ids: TextIO | None,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -143,7 +152,7 @@ def learning_curve(
 
     settings, noise = _settings(options), options["noise"]
     steps = Steps(kind=kind, sizes=_numbers(sizes), seeds=seeds)
-    course = Course(kinds=(kind,), settings=settings)
+    course = Course(kinds=(kind,), rows=_selection(ids, path), settings=settings)
     dataset, judge = _open(path, test, noise)
     _new_folder(out)
     curve = measure(dataset, judge, steps, course, watched)
@@ -159,6 +168,12 @@ def learning_curve(
         return
     click.echo(curve_text(curve))
     click.echo(f"learning-curve.json and learning-curve.png are in {out}")
+
+
+def _selection(ids: TextIO | None, path: Path) -> tuple[int, ...] | None:
+    from grasp_factory.selection import read_selection
+
+    return None if ids is None else tuple(read_selection(ids, path))
 
 
 def _check_libraries() -> None:

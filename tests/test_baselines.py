@@ -394,6 +394,37 @@ def test_more_episodes_than_there_are_is_refused(
     assert "episodes: got 9999, valid: up to" in said
 
 
+def test_chosen_rows_of_the_train_split_alone_are_learned_from(
+    stores: tuple[Path, Path], tmp_path: Path, run: Run
+) -> None:
+    learn, test = stores
+    rows = Dataset.open(learn).split("train")[::2].tolist()
+    (tmp_path / "ids").write_text("\n".join(map(str, rows)))
+    said = run(
+        "train", learn, "--test", test, "--baseline", "vision", "--epochs", "1",
+        "--ids", tmp_path / "ids", "--out", tmp_path / "t",
+    )  # fmt: skip
+    assert said[0] == 0
+    report = json.loads((tmp_path / "t" / "report.json").read_text())
+    assert report["course"]["rows"] == rows
+    course = Course(kinds=("vision",), rows=rows)
+    dataset, judge = Dataset.open(learn), Dataset.open(test)
+    splits = read_splits(dataset, judge, ["vision"], course, unwatched)
+    whole = read_splits(dataset, judge, ["vision"], Course(kinds=("vision",)), unwatched)
+    assert report["populations"]["attempts"]["train_episodes"] == len(splits.train) < len(whole.train)
+    assert (len(splits.val), len(splits.test)) == (len(whole.val), len(whole.test))
+
+
+def test_rows_of_which_nothing_can_be_learned_are_refused(
+    stores: tuple[Path, Path], complaint: Callable[..., tuple[int, str]], tmp_path: Path
+) -> None:
+    learn, test = stores
+    (tmp_path / "ids").write_text("\n".join(map(str, Dataset.open(learn).split("val"))))
+    code, said = complaint("train", learn, "--test", test, "--ids", tmp_path / "ids")
+    assert (code, said.count("\n")) == (2, 1)
+    assert "none of which is a train episode with a grasp; valid: some of the" in said
+
+
 def test_a_part_with_one_label_is_told_before_anything_is_fitted(
     stores: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -85,6 +85,8 @@ class Course:
     kinds: Sequence[str] = tuple(KINDS)
     episodes: int | None = None
     """Of the train split, the first in which a grasp was planned; None for all."""
+    rows: Sequence[int] | None = None
+    """Of the train split, those alone; None for all."""
     crop: CropShape = field(default_factory=CropShape)
     touch: TouchWindow = field(default_factory=TouchWindow)
     settings: TrainSettings = field(default_factory=TrainSettings)
@@ -163,6 +165,8 @@ def read_splits(
         planned = ExampleReader(dataset=source, uses=(WIDTH,))
         try:
             rows = planned.usable(source.split(split))
+            if split == "train" and course.rows is not None:
+                rows = _chosen(rows, course.rows)
             if split == "train" and course.episodes is not None:
                 valid = f"up to {len(rows)}, the train episodes with a grasp"
                 check(course.episodes <= len(rows), "episodes", course.episodes, valid)
@@ -179,6 +183,15 @@ def read_splits(
     if len(both):
         raise UsageError(f"object {both[0]} is in train and in test: nothing is held out")
     return Splits(**parts)
+
+
+def _chosen(rows: NDArray[np.int64], wanted: Sequence[int]) -> NDArray[np.int64]:
+    """Return those of the rows that are wanted; which others are does not matter."""
+    found = rows[np.isin(rows, wanted)]
+    if not len(found):
+        what = f"rows: got {len(wanted)}, none of which is a train episode with a grasp"
+        raise ConfigError(f"{what}; valid: some of the {len(rows)} that are")
+    return found
 
 
 def _check_labels(dataset: Dataset, split: str, population: str, rows: NDArray[np.int64]) -> None:
