@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from bench_index import make
-from browse_process import Running, running
+from browse_process import Running, browsing
 
 REPEATS = 7
 CONNECTIONS, THUMBS = 6, 60
@@ -79,10 +79,10 @@ def thumbs(server: Running, rows: Iterable[int]) -> float:
 def many_rows(path: Path) -> bool:
     """Print what the grid of a large store takes; return whether the first page is soon there."""
     started = time.perf_counter()
-    with running(path) as server:
+    with browsing(path) as server:
         print(f"start, with the index made: {time.perf_counter() - started:.1f} s")
     started = time.perf_counter()
-    with running(path) as server:
+    with browsing(path) as server:
         print(f"start, with the index there: {time.perf_counter() - started:.1f} s")
         client = Client(server)
         started = time.perf_counter()
@@ -101,7 +101,7 @@ def many_rows(path: Path) -> bool:
 
 def one_episode(path: Path, index: Path) -> None:
     """Print what the page of one episode takes, row by row so that nothing is kept."""
-    with running(path, "--index", index) as server:
+    with browsing(path, "--index", index) as server:
         client = Client(server)
         library = json.loads(client.get("/api/library"))["stores"][0]
         camera, size = library["cameras"][0], "x".join(map(str, library["resolution"]))

@@ -29,6 +29,11 @@ class Running:
     """What it said on stderr."""
 
     @property
+    def plain_url(self) -> str:
+        """The page's address without the token, ending in a slash."""
+        return self.url.partition("#")[0]
+
+    @property
     def token(self) -> str:
         return self.url.partition("#token=")[2]
 
@@ -60,11 +65,12 @@ class Running:
 
 
 @contextlib.contextmanager
-def running(*options: object) -> Iterator[Running]:
-    """Run the command until the block ends, with a cache of its own."""
+def browsing(*options: object, cache: Path | None = None) -> Iterator[Running]:
+    """Run the command until the block ends, with a cache of its own unless one is given."""
     command = [sys.executable, "-m", "grasp_factory", "browse", "--no-open", *map(str, options)]
     with tempfile.TemporaryDirectory() as folder:
         errors = Path(folder) / "stderr"
+        own = {VARIABLE: str(cache or Path(folder) / "cache"), "GRASP_FACTORY_USER": "tester"}
         with (
             _interruptible(),
             errors.open("w") as stderr,
@@ -74,7 +80,7 @@ def running(*options: object) -> Iterator[Running]:
                 stderr=stderr,
                 text=True,
                 start_new_session=True,
-                env={**os.environ, VARIABLE: str(Path(folder) / "cache")},
+                env={**os.environ, **own},
             ) as process,
         ):
             try:

@@ -15,17 +15,12 @@ of since it was last asked: a test ends with `assert page.trouble() == []`.
 from __future__ import annotations
 
 import os
-import re
 import shutil
-import signal
-import socket
 import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -42,84 +37,6 @@ _FLAGS = (
     *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"),
 )
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Server:
-    """A running `grasp-factory browse`."""
-
-    url: str
-    """What the command printed: with the token in the fragment."""
-    process: subprocess.Popen[str]
-
-    @property
-    def plain_url(self) -> str:
-        """The page's address without the token, ending in a slash."""
-        return self.url.split("#")[0]
-
-    @property
-    def token(self) -> str:
-        """The run's token."""
-        return self.url.partition("#token=")[2]
-
-
-@contextmanager
-def browsing(
-    *paths: Path | str, cache: Path | None = None, options: Sequence[str] = ()
-) -> Iterator[Server]:
-    """Serve stores with the real command on a free port until the block ends.
-
-    Args:
-        paths: Stores, or an index file.
-        cache: Folder of the thumbnails, if not a temporary one of its own.
-        options: More options of the command.
-    """
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    command = [sys.executable, "-m", "grasp_factory", "browse", *map(str, paths)]
-    command += ["--no-open", "--port", str(port), *options]
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        own = {"GRASP_FACTORY_CACHE": str(cache or folder), "GRASP_FACTORY_USER": "tester"}
-        with _process(command, own) as (process, errors):
-            yield Server(url=_printed_url(process, errors), process=process)
-
-
-def _printed_url(process: subprocess.Popen[str], errors: Path) -> str:
-    assert process.stdout is not None
-    for line in process.stdout:
-        found = re.search(r"http://\S+", line)
-        if found:
-            return found.group()
-    pytest.fail(f"browse printed no address: {errors.read_text()}")
-
-
-@contextmanager
-def _process(
-    command: Sequence[str], variables: Mapping[str, str]
-) -> Iterator[tuple[subprocess.Popen[str], Path]]:
-    """Run a command in a process group of its own; stderr goes to a file, lest a pipe fill up."""
-    with tempfile.TemporaryDirectory() as folder:
-        errors = Path(folder) / "stderr"
-        with (
-            errors.open("w") as stderr,
-            subprocess.Popen(
-                command,
-                stdout=subprocess.PIPE,
-                stderr=stderr,
-                text=True,
-                start_new_session=True,
-                env={**os.environ, **variables},
-            ) as process,
-        ):
-            try:
-                yield process, errors
-            finally:
-                process.send_signal(signal.SIGINT)
-                try:
-                    process.wait(10)
-                except subprocess.TimeoutExpired:
-                    process.kill()
 
 
 @contextmanager

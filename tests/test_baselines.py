@@ -411,7 +411,8 @@ def test_chosen_rows_of_the_train_split_alone_are_learned_from(
     dataset, judge = Dataset.open(learn), Dataset.open(test)
     splits = read_splits(dataset, judge, ["vision"], course, unwatched)
     whole = read_splits(dataset, judge, ["vision"], Course(kinds=("vision",)), unwatched)
-    assert report["populations"]["attempts"]["train_episodes"] == len(splits.train) < len(whole.train)
+    learned_from = report["populations"]["attempts"]["train_episodes"]
+    assert learned_from == len(splits.train) < len(whole.train)
     assert (len(splits.val), len(splits.test)) == (len(whole.val), len(whole.test))
 
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import DESKTOP, PHONE, Page, Server, browsing, chromium
+from browse_process import Running, browsing
+from browser import DESKTOP, PHONE, Page, chromium
 from click.testing import CliRunner
 from fake_episodes import JOINTS, make_rows, small_config
 
@@ -79,7 +80,7 @@ def empty(episode: Episode) -> Episode:
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     folder = tmp_path_factory.mktemp("episode")
     real, odd, film = (folder / f"{name}.zarr" for name in ("real", "odd", "film"))
     shutil.copytree(TINY, real)
@@ -91,8 +92,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     words = "generate --n 1 --seed 4 --policy top_down --resolution 96x72 --video-hz 10 --quiet"
     made = CliRunner().invoke(cli, [*words.split(), "--out", str(film)])
     assert made.exit_code == 0, made.output
-    with browsing(real, odd, film, options=("--index", str(folder / "all.sqlite"))) as running:
-        yield running
+    with browsing(real, odd, film, "--index", folder / "all.sqlite") as server:
+        yield server
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +103,7 @@ def tab() -> Iterator[Page]:
 
 
 @pytest.fixture
-def page(tab: Page, server: Server) -> Iterator[Page]:
+def page(tab: Page, server: Running) -> Iterator[Page]:
     """Return the page with the token; nothing may go wrong in the test."""
     tab.resize(DESKTOP)
     tab.open(server.plain_url)
@@ -128,7 +129,7 @@ def show(page: Page) -> Callable[..., Page]:
 
 
 @pytest.fixture
-def told(server: Server) -> Callable[[str], Any]:
+def told(server: Running) -> Callable[[str], Any]:
     """Return a function that asks the server what the page asks it."""
 
     def ask(path: str) -> Any:
@@ -335,7 +336,7 @@ def test_the_point_cloud_is_seen_from_where_the_whole_arm_is_in_the_picture(
     assert 0.7 < page.script(highest) < 0.99
 
 
-def test_without_webgl_a_line_says_so_and_all_else_works(page: Page, server: Server) -> None:
+def test_without_webgl_a_line_says_so_and_all_else_works(page: Page, server: Running) -> None:
     # As in a browser without it: canvases give no context.
     code = """
       const get = HTMLCanvasElement.prototype.getContext;
@@ -426,7 +427,7 @@ def test_a_box_and_a_point_that_are_drawn_are_stored_in_pixels_of_the_image(
 
 
 def test_without_the_token_nothing_can_be_changed_and_the_page_says_why(
-    page: Page, server: Server
+    page: Page, server: Running
 ) -> None:
     page.script("localStorage.clear()")
     page.open(f"{server.plain_url}#/episode/{REAL}/0")
@@ -661,7 +662,7 @@ def test_arrow_keys_count_while_an_episode_is_loading(show: Callable[..., Page])
 
 
 def test_what_another_tab_changed_shows_when_the_page_gets_the_focus(
-    show: Callable[..., Page], server: Server
+    show: Callable[..., Page], server: Running
 ) -> None:
     page = show(REAL, 3)
     body = {"episodes": [[REAL, 3]], "who": "other", "changes": [["tag", "from elsewhere"]]}

@@ -13,7 +13,8 @@ from typing import Any
 from urllib.parse import parse_qs, urlencode
 
 import pytest
-from browser import DESKTOP, PHONE, Page, Server, browsing, chromium
+from browse_process import Running, browsing
+from browser import DESKTOP, PHONE, Page, chromium
 from fake_episodes import JOINTS, make_rows, small_config
 
 from grasp_factory.dataset import Dataset
@@ -57,19 +58,19 @@ def downloads(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def server(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    with browsing(store, cache=tmp_path_factory.mktemp("cache")) as running:
-        yield running
+def server(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with browsing(store, cache=tmp_path_factory.mktemp("cache")) as server:
+        yield server
 
 
 @pytest.fixture(scope="module")
-def tab(server: Server, downloads: Path) -> Iterator[Page]:
+def tab(server: Running, downloads: Path) -> Iterator[Page]:
     with chromium(downloads) as page:
         yield page
 
 
 @pytest.fixture
-def page(tab: Page, server: Server) -> Iterator[Page]:
+def page(tab: Page, server: Running) -> Iterator[Page]:
     """Return the grid as somebody sees it who opens the printed link; nothing may go wrong."""
     tab.resize(DESKTOP)
     if not tab.driver.current_url.startswith(server.plain_url):
@@ -83,7 +84,7 @@ def page(tab: Page, server: Server) -> Iterator[Page]:
 
 
 @pytest.fixture
-def api(server: Server) -> Callable[..., Any]:
+def api(server: Running) -> Callable[..., Any]:
     """Return a function that asks the server what the page asks it."""
 
     def ask(path: str, **parameters: Any) -> Any:
@@ -151,7 +152,7 @@ def test_the_first_page_shows_and_says_how_many_there_are(page: Page) -> None:
     assert "2 quarantined" in page.text("success-rate")
 
 
-def test_the_token_leaves_the_address(page: Page, server: Server) -> None:
+def test_the_token_leaves_the_address(page: Page, server: Running) -> None:
     assert server.token
     assert server.token not in page.driver.current_url
 
@@ -502,7 +503,7 @@ def test_script_in_tags_and_object_ids_is_shown_and_does_nothing(page: Page) -> 
 
 
 def test_without_the_token_nothing_can_be_tagged_and_the_page_says_why(
-    page: Page, server: Server
+    page: Page, server: Running
 ) -> None:
     page.script("localStorage.clear()")
     page.open(server.plain_url)
@@ -515,7 +516,9 @@ def test_without_the_token_nothing_can_be_tagged_and_the_page_says_why(
     assert not page.all("bulk-tag-input")
 
 
-def test_a_token_of_another_run_is_refused_and_the_page_says_so(page: Page, server: Server) -> None:
+def test_a_token_of_another_run_is_refused_and_the_page_says_so(
+    page: Page, server: Running
+) -> None:
     page.open(f"{server.plain_url}#token=of-another-run")
     settled(page)
     page.press(keys().ARROW_RIGHT, "x", "t")
@@ -565,7 +568,7 @@ def test_a_list_of_several_stores_names_them_and_a_command_takes_its_own(
 ) -> None:
     stores = [make_store(tmp_path / f"seed{seed}.zarr", 8, seed) for seed in (0, 1)]
     index = tmp_path / "both.sqlite"
-    with browsing(*stores, options=["--index", str(index)]) as both:
+    with browsing(*stores, "--index", index) as both:
         tab.open(both.url)
         settled(tab)
         assert shown_total(tab) == 16
@@ -621,7 +624,7 @@ def test_an_address_with_a_bad_order_says_so_and_offers_the_usual_one(page: Page
 
 
 def test_a_selection_is_of_its_stores_and_of_episodes_that_there_are(
-    page: Page, server: Server
+    page: Page, server: Running
 ) -> None:
     page.script("document.querySelector('[data-testid=card] input').click()")
     [key] = page.script("return Object.keys(sessionStorage).filter((k) => k.includes('selection'))")

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import DESKTOP, PHONE, Page, browsing, chromium
+from browse_process import browsing
+from browser import DESKTOP, PHONE, Page, chromium
 from live_run import SMALL, LiveRun, running
 from selenium.common.exceptions import WebDriverException
 
@@ -162,7 +163,7 @@ def test_quarantined_episodes_show_their_reason_as_text(page: Page, tmp_path: Pa
 
 def test_without_a_run_the_page_says_how_to_watch_one(page: Page, tmp_path: Path) -> None:
     tiny = Path(__file__).parents[1] / "data_samples" / "tiny.zarr"
-    with browsing(tiny, options=["--index", str(tmp_path / "index.sqlite")]) as server:
+    with browsing(tiny, "--index", tmp_path / "index.sqlite") as server:
         page.open(server.url)
         page.css(".page-grid")
         page.go("#/live")

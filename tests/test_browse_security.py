@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import quote
 
 import pytest
-from browse_process import Running, running
+from browse_process import Running, browsing
 from fake_episodes import JOINTS, make_episode, make_spec, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -50,7 +50,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def server(store: Path) -> Iterator[Running]:
-    with running(store) as server:
+    with browsing(store) as server:
         yield server
         assert server.stop() == (0, "", ""), "something was said, such as a traceback"
 
@@ -59,7 +59,7 @@ def server(store: Path) -> Iterator[Running]:
 def own_server(store: Path, tmp_path: Path) -> Iterator[tuple[Running, Path]]:
     """Give a server of a copy of the store, which the test may change."""
     own = Path(shutil.copytree(store, tmp_path / "own.zarr"))
-    with running(own) as server:
+    with browsing(own) as server:
         yield server, own
 
 
@@ -281,7 +281,7 @@ class TestHosts:
         assert ask(server, "/api/library", {"Host": host.format(port=server.port)})[0] == 200
 
     def test_a_name_that_was_allowed_is_answered(self, store: Path) -> None:
-        with running(store, "--allow-host", "Lab-PC") as server:
+        with browsing(store, "--allow-host", "Lab-PC") as server:
             assert ask(server, "/", {"Host": "lab-pc:8642"})[0] == 200
             assert ask(server, "/", {"Host": "lab-pc2:8642"})[0] == 403
 
@@ -319,7 +319,7 @@ class TestHosts:
             socket.create_connection(("::1", server.port), timeout=2).close()
 
     def test_everywhere_is_every_address_of_the_machine_and_no_name(self, store: Path) -> None:
-        with running(store, "--host", "0.0.0.0") as server:
+        with browsing(store, "--host", "0.0.0.0") as server:
             for address in ["127.0.0.1", *other_addresses()]:
                 host = {"Host": f"{address}:{server.port}", "Connection": "close"}
                 head = "".join(f"{k}: {v}\r\n" for k, v in host.items())
@@ -436,7 +436,7 @@ class TestWriting:
 
     def test_read_only_takes_no_token_at_all(self, store: Path) -> None:
         before = AnnotationLog(store).changes()
-        with running(store, "--read-only") as server:
+        with browsing(store, "--read-only") as server:
             assert "#" not in server.url
             assert json.loads(ask(server, "/api/library")[2])["writable"] is False
             for token in ("", "x"):

@@ -19,7 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from browse_process import running
+from browse_process import browsing
 from fake_episodes import JOINTS, make_episode, make_rows, small_config
 from flask.testing import FlaskClient
 from hypothesis import given
@@ -788,18 +788,18 @@ class TestTagging:
 
 class TestTheCommand:
     def test_it_prints_the_address_and_ends_quietly_at_ctrl_c(self, own_store: Path) -> None:
-        with running(own_store) as server:
+        with browsing(own_store) as server:
             assert server.url.startswith("http://127.0.0.1:")
             assert len(server.token) >= 24
             assert server.get("/api/library")[0] == server.get("/thumb/0/0.jpg")[0] == 200
             assert server.stop() == (0, "", "")
 
     def test_each_run_has_another_token(self, own_store: Path) -> None:
-        with running(own_store) as first, running(own_store) as second:
+        with browsing(own_store) as first, browsing(own_store) as second:
             assert first.token != second.token
 
     def test_many_threads_get_what_one_gets(self, stores: tuple[Path, Path]) -> None:
-        with running(stores[REAL]) as server:
+        with browsing(stores[REAL]) as server:
             addresses = [
                 address
                 for row in range(4)
@@ -859,7 +859,7 @@ class TestTheCommand:
         assert "nowhere" in said
 
     def test_whoever_listens_beyond_this_machine_is_warned(self, own_store: Path) -> None:
-        with running(own_store, "--host", "0.0.0.0") as server:
+        with browsing(own_store, "--host", "0.0.0.0") as server:
             assert "can see the data" in server.errors.read_text()
             assert server.url.startswith("http://127.0.0.1:")
             assert server.get("/api/live")[0] == 200
