@@ -51,9 +51,12 @@ def sheet(
     dataset = Dataset.open(path)
     wanted = None if episodes is None else indices(episodes)
     if ids is not None:
-        from grasp_factory.selection import read_selection
+        from grasp_factory.selection import read_selection, with_episode
+        from grasp_factory.writers.zarr import COMMITTED
 
         wanted = read_selection(ids, path)
+        if not tiles:
+            wanted = with_episode(wanted, dataset.status == COMMITTED, path)
     shown = camera or next(iter(dataset.config.cameras))
     if tiles:
         image = tiles_of(dataset, wanted, shown, n, columns)

@@ -69,12 +69,13 @@ def split(
     from grasp_factory.collecting import split as run
     from grasp_factory.dataset import Dataset
     from grasp_factory.progress import counted
-    from grasp_factory.selection import read_selection
+    from grasp_factory.selection import read_selection, with_episode
+    from grasp_factory.writers.zarr import COMMITTED
 
     given = [] if episodes is None else [indices(episodes)]
-    if ids is not None:
-        given.append(read_selection(ids, path))
     dataset = Dataset.open(path)
+    if ids is not None:
+        given.append(with_episode(read_selection(ids, path), dataset.status == COMMITTED, path))
     given += [_matching(dataset, condition) for condition in where]
     if not given:
         raise UsageError("nothing is chosen: name episodes with --episodes, --ids or --where")

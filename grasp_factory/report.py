@@ -69,8 +69,10 @@ def figures_text(figures: Iterable[Figure]) -> str:
 
 def plan_text(plan: Plan) -> str:
     """Return one line on what a run is about to do."""
-    there = plan.episodes - plan.to_make
+    there = plan.already_there
     if not plan.blocks and plan.shard == WHOLE:
+        if there < plan.episodes:
+            return f"{plan.path}: the {there} episodes asked for are there."
         return f"{plan.path} is complete: {there} episodes are there."
     if not plan.blocks:
         return f"Part {plan.shard} of {plan.path} is complete."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -55,6 +55,29 @@ def read_selection(file: TextIO, store: Path) -> list[int]:
             raise UsageError(f"{what}, none of {store}: the first is {shown(next(iter(same)))}")
         warnings.warn(f"{what} than {store} and left out", GraspFactoryWarning, stacklevel=2)
     return rows
+
+
+def with_episode(rows: Sequence[int], there: Sequence[bool], store: Path) -> list[int]:
+    """Return the rows of a list that have an episode, as `query --ids` lists others, too.
+
+    A warning says how many are left out: quarantined, or not made yet.
+
+    Args:
+        rows: As ``read_selection`` returns them. Those that a store cannot have stay.
+        there: Whether a row of the store has an episode.
+        store: It is named in the warning.
+
+    Raises:
+        UsageError: if none is left of some.
+    """
+    found = [row for row in rows if row >= len(there) or there[row]]
+    lost = len(rows) - len(found)
+    if lost:
+        what = f"--ids: {lost} of {len(rows)} rows of {store} have no episode"
+        if not found:
+            raise UsageError(f"{what}: nothing is left")
+        warnings.warn(f"{what} and are left out", GraspFactoryWarning, stacklevel=2)
+    return found
 
 
 def selection_lines(chosen: Iterable[tuple[Path, int]], *, named: bool) -> list[str]:

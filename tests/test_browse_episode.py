@@ -90,6 +90,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     )
     ZarrWriter(odd).write_block(0, odd_rows())
     words = "generate --n 1 --seed 4 --policy top_down --resolution 96x72 --video-hz 10 --quiet"
+    words += " --camera front --camera wrist"
     made = CliRunner().invoke(cli, [*words.split(), "--out", str(film)])
     assert made.exit_code == 0, made.output
     with browsing(real, odd, film, "--index", folder / "all.sqlite") as server:
@@ -137,6 +138,14 @@ def told(server: Running) -> Callable[[str], Any]:
             return json.load(answer)
 
     return ask
+
+
+def click(page: Page, where: str, words: str) -> None:
+    """Press the button with these words that is in an element."""
+    buttons = page.css(where).find_elements("css selector", "button")
+    button = next(one for one in buttons if one.text == words)
+    page.script("arguments[0].scrollIntoView({block: 'center'})", button)
+    button.click()
 
 
 def seek(page: Page, index: int) -> None:
@@ -447,7 +456,12 @@ def test_a_refused_change_is_told_and_leaves_what_was_set(show: Callable[..., Pa
     page.until(lambda: page.text("save-state").startswith("Not saved"), "the refusal")
     assert page.all("tag") == []
     assert not page.one("tag-input").is_enabled()
-    assert [line for line in page.trouble() if "403" not in line] == []
+    page.trouble()
+    for key in ("\ue00c", "\ue014"):  # Escape and the right arrow would lose what was typed
+        page.press(key)
+        page.until(lambda: "not saved" in page.text("notice"), "it says so")
+        assert page.hash == f"#/episode/{REAL}/2"
+    assert page.one("tag-input").get_attribute("value") == "never"
 
 
 def test_arrows_walk_through_the_filter_and_escape_leads_back(show: Callable[..., Page]) -> None:
@@ -530,6 +544,60 @@ def test_a_store_with_video_shows_the_frame_of_the_time(
         page.until(lambda code=code: page.script(code) == 96, "the frame")
 
 
+def test_before_the_first_frame_of_a_video_and_at_the_end_the_stills_are_shown(
+    show: Callable[..., Page], told: Callable[[str], Any]
+) -> None:
+    page, series = show(FILM, 0), told(f"api/series/{FILM}/0")
+    assert series["time"][0] < series["video_time"][0]
+    seek(page, 0)
+    assert page.one("scene-image").get_attribute("data-source") == "before"
+    seek(page, len(series["time"]) - 1)
+    assert page.one("scene-image").get_attribute("data-source") == "after"
+
+
+def test_motion_cannot_be_asked_for_where_it_cannot_be_drawn(show: Callable[..., Page]) -> None:
+    page = show(FILM, 0)
+    toggle = "return document.querySelector('.scene .legend input').disabled"
+    assert page.script(toggle) is False
+    click(page, ".scene", "wrist")
+    page.until(lambda: page.script(toggle), "it cannot be asked for")
+    assert "a camera that moves" in page.css(".scene .legend").text
+
+
+def test_each_side_of_a_comparison_has_its_own_camera(page: Page) -> None:
+    page.go(f"#/compare/{REAL}:0,{FILM}:0")
+    page.one("compare-facts")
+    both = lambda: ["point" in one.text for one in page.all("cloud-status")] == [True, True]  # noqa: E731
+    page.until(both, "points")
+    click(page, "[data-side=B] .scene", "wrist")
+    click(page, "[data-side=B] .cloud", "wrist")
+    page.until(both, "points")
+    sources = """
+      return [...document.querySelectorAll('.scene .picture')].map((one) => one.src.split('/')[6]);
+    """
+    before = page.text("time")
+    seek(page, 200)
+    assert page.text("time") != before
+    page.until(lambda: page.script(sources) == ["front", "wrist"], "a camera on each side")
+    page.until(both, "points")
+
+
+def test_a_comparison_stays_aligned_over_a_reload(page: Page) -> None:
+    page.go(f"#/compare/{REAL}:0,{REAL}:1")
+    page.one("compare-facts")
+    page.css('option[value="lift"]').click()
+    assert page.hash == f"#/compare/{REAL}:0,{REAL}:1?align=lift"
+    page.driver.refresh()
+    page.one("compare-facts")
+    assert page.one("align").get_attribute("value") == "lift"
+    assert f"{REAL}:1,{REAL}:0?align=lift" in page.css(".episode-head .button").get_attribute(
+        "href"
+    )
+    page.css(".episode-head .turn").click()
+    page.one("card")
+    assert "align" not in page.hash
+
+
 def test_the_comparison_shows_two_episodes_by_one_slider(
     page: Page, told: Callable[[str], Any]
 ) -> None:
@@ -581,6 +649,8 @@ def test_two_episodes_are_picked_for_a_comparison_on_their_pages(show: Callable[
     page = show(REAL, 2)
     page.press("c")
     page.one("notice")
+    [key] = page.script("return Object.keys(sessionStorage).filter((k) => k.includes('compare'))")
+    assert "real.zarr" in key  # ids mean nothing in other stores
     page = show(REAL, 3)
     page.one("compare").click()
     page.one("compare-facts")

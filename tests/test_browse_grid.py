@@ -580,6 +580,13 @@ def test_a_list_of_several_stores_names_them_and_a_command_takes_its_own(
         tab.until(lambda: len(ids(tab)) == 16, "both stores")
         tab.css('[data-testid=card][data-id="0:2"] input').click()
         tab.until(lambda: tab.text("select-count") == "2 selected")
+        tab.one("copy-command").click()
+        said = "return document.querySelector('.command, [data-testid=notice]').textContent"
+        lines = [
+            f"split {path} selection{i}.zarr --ids ids.txt" for i, path in enumerate(stores, 1)
+        ]
+        tab.until(lambda: all(line in tab.script(said) for line in lines), "a command for each")
+        tab.press(keys().ESCAPE)
         tab.one("download-ids").click()
         file = downloads / "ids.txt"
         tab.until(file.exists, "the list is saved")
@@ -590,6 +597,24 @@ def test_a_list_of_several_stores_names_them_and_a_command_takes_its_own(
     assert Dataset.open(out).column("index").tolist() == [1]
     file.unlink()
     assert tab.trouble() == []
+
+
+def test_a_store_that_has_gone_is_told_when_all_episodes_are_shown_again(
+    tab: Page, tmp_path: Path
+) -> None:
+    stores = [make_store(tmp_path / f"seed{seed}.zarr", 8, seed) for seed in (0, 1)]
+    away = tmp_path / "away"
+    with browsing(*stores, "--index", tmp_path / "both.sqlite") as both:
+        tab.open(both.url)
+        settled(tab)
+        for is_there in (False, True):
+            stores[1].rename(away) if not is_there else away.rename(stores[1])
+            tab.go("#/episode/0/0")
+            tab.one("slider")
+            tab.go("#/")
+            words = "return [...document.querySelectorAll('.troubles p')].map((p) => p.textContent)"
+            tab.until(lambda: bool(tab.script(words)) != is_there, "it is told, or no longer")  # noqa: B023
+        tab.trouble()
 
 
 def test_a_store_without_episodes_says_how_to_make_some(tab: Page, tmp_path: Path) -> None:

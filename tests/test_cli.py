@@ -99,6 +99,14 @@ class TestGenerate:
         assert "0 episodes made, 4 were there" in result.out
         assert tree(store.parent) == before
 
+    def test_counts_what_is_there_of_what_is_asked_for(
+        self, run: Run, store: Path, tmp_path: Path
+    ) -> None:
+        larger = shutil.copytree(store, tmp_path / "larger.zarr")
+        result = run("generate", "--n", 3, "--out", larger, "--resolution", "32x24")
+        assert result.code == 0
+        assert "larger.zarr: the 3 episodes asked for are there" in result.err
+
     def test_gives_scripts_json_and_nothing_else_on_stdout(self, run: Run, store: Path) -> None:
         result = run("generate", "--n", 4, "--out", store, "--resolution", "32x24", "--json")
         summary = json.loads(result.out)

@@ -679,6 +679,27 @@ class TestCommands:
         assert code == 0, err
         assert not Dataset.open(tmp_path / "out").column("success").any()
 
+    def test_rows_without_an_episode_in_a_list_are_left_out(
+        self, run: Run, store: Path, tmp_path: Path
+    ) -> None:
+        _, out, _ = run("query", store, "--ids")
+        (tmp_path / "ids.txt").write_text(out)
+        code, _, err = run("split", store, tmp_path / "out", "--ids", tmp_path / "ids.txt")
+        committed = Dataset.open(store).committed
+        lost = len(out.split()) - len(committed)
+        assert lost > 0
+        said = (
+            f"--ids: {lost} of {len(out.split())} rows of {store} have no episode and are left out"
+        )
+        assert (code, err.count(said)) == (0, 1)
+        assert len(Dataset.open(tmp_path / "out")) == len(committed)
+        code, _, err = run("sheet", store, tmp_path / "s.png", "--ids", tmp_path / "ids.txt")
+        assert (code, err.count(said)) == (0, 1)
+        _, out, _ = run("query", store, "--ids", "--where", "status=quarantined")
+        (tmp_path / "ids.txt").write_text(out)
+        code, _, err = run("split", store, tmp_path / "none", "--ids", tmp_path / "ids.txt")
+        assert (code, err.count("have no episode: nothing is left")) == (2, 1)
+
     def test_ids_of_several_stores_name_them(
         self, run: Run, store: Path, plain: Path, tmp_path: Path
     ) -> None:

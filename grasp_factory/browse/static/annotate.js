@@ -81,7 +81,7 @@ export function makeNotes({ store, row, episode, signal }) {
   return notes;
 }
 
-/** The panel. Returns {node, focusTag, focusLabel, stop}. */
+/** The panel. Returns {node, isStuck, focusTag, focusLabel, stop}. */
 export function makeAnnotate(notes, episode, library, markList, signal) {
   const status = h('p', { class: 'save-state', role: 'status', dataset: { testid: 'save-state' } });
   const tags = h('ul', { class: 'tag-list', 'aria-label': 'Tags' });
@@ -229,6 +229,8 @@ export function makeAnnotate(notes, episode, library, markList, signal) {
       field('Signed', name),
       h('details', { class: 'changes' }, h('summary', null, 'History'), history),
     ),
+    /** Whether something was typed that was refused, and would be lost with the page. */
+    isStuck: () => status.dataset.state === 'failed' && (tag.value.trim() !== '' || note.value !== stored),
     focusTag: () => tag.focus(),
     focusLabel: () => corrected.focus(),
     async stop() {

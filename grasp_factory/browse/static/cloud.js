@@ -37,7 +37,8 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
   }
 
   const cameras = ['', ...Object.keys(episode.cameras)];
-  if (!cameras.includes(chosen.camera)) chosen.camera = '';
+  // Of two episodes beside one another, each has its own.
+  const view = { ...chosen, camera: cameras.includes(chosen.camera) ? chosen.camera : '' };
   const loaded = new Map();
   let parts = [];
   let wanted = '';
@@ -53,8 +54,8 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
   clock.onTime(move);
 
   function frameNow() {
-    if (chosen.frame === AUTO) return clock.isOver ? 1 : 0;
-    return chosen.frame === 'after' ? 1 : 0;
+    if (view.frame === AUTO) return clock.isOver ? 1 : 0;
+    return view.frame === 'after' ? 1 : 0;
   }
 
   async function move() {
@@ -82,10 +83,10 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
   }
 
   async function showCloud(frame) {
-    const key = `${frame}/${chosen.camera}/${chosen.color}`;
+    const key = `${frame}/${view.camera}/${view.color}`;
     if (wanted === key) return;
     wanted = key;
-    const path = `/cloud/${store}/${row}/${frame}?camera=${encodeURIComponent(chosen.camera)}`;
+    const path = `/cloud/${store}/${row}/${frame}?camera=${encodeURIComponent(view.camera)}`;
     try {
       if (!loaded.has(path)) {
         status.textContent = 'Loading …';
@@ -94,7 +95,7 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
       const cloud = await loaded.get(path);
       if (wanted !== key || stage.isOver()) return;
       removeParts();
-      parts = split(cloud, library.labels, chosen.color);
+      parts = split(cloud, library.labels, view.color);
       for (const { points } of parts) stage.scene.add(points);
       status.textContent = plural(cloud.count, 'point');
       movePoints();
@@ -116,6 +117,7 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
   }
 
   function choose(changes) {
+    Object.assign(view, changes);
     Object.assign(chosen, changes);
     drawTools();
     move();
@@ -123,9 +125,9 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
 
   function drawTools() {
     tools.replaceChildren(
-      segments('Points', [AUTO, 'before', 'after'], chosen.frame, (frame) => choose({ frame })),
-      segments('Colour', ['rgb', 'label'], chosen.color, (color) => choose({ color })),
-      cameras.length > 2 ? segments('Camera', cameras, chosen.camera, (camera) => choose({ camera })) : '',
+      segments('Points', [AUTO, 'before', 'after'], view.frame, (frame) => choose({ frame })),
+      segments('Colour', ['rgb', 'label'], view.color, (color) => choose({ color })),
+      cameras.length > 2 ? segments('Camera', cameras, view.camera, (camera) => choose({ camera })) : '',
       h('button', { type: 'button', class: 'small', onclick: stage.reset }, 'Reset view'),
     );
   }

@@ -32,7 +32,8 @@ export async function show(root, route, library, left) {
   left.throwIfAborted();
   const brightest = Math.max(...sides.map(({ series }) => series.tactile?.max ?? 0));
   const params = new URLSearchParams(route.params);
-  const align = params.get('align') ?? START;
+  const common = library.phases.filter((name) => sides.every(({ series }) => startOf(series.phases, name) !== null));
+  let align = common.includes(params.get('align')) ? params.get('align') : START;
   params.delete('align');
   const body = h('div', { class: 'compare' });
   root.append(makeHead(), body);
@@ -41,7 +42,7 @@ export async function show(root, route, library, left) {
   document.title = `${ids[0]} and ${ids[1]}`;
 
   function makeHead() {
-    const common = library.phases.filter((name) => sides.every(({ series }) => startOf(series.phases, name) !== null));
+    const swap = h('a', { class: 'button', href: hashOf([...ids].reverse()) }, 'Swap');
     const choice = h(
       'select',
       {
@@ -49,7 +50,11 @@ export async function show(root, route, library, left) {
         dataset: { testid: 'align' },
         onchange: () => {
           stop();
-          ({ clock, stops } = draw(choice.value));
+          align = choice.value;
+          // The address says it, for a reload and for others.
+          history.replaceState(null, '', hashOf(ids));
+          swap.href = hashOf([...ids].reverse());
+          ({ clock, stops } = draw(align));
         },
       },
       [START, ...common].map((name) => h('option', { value: name, selected: name === align }, readable(name))),
@@ -61,8 +66,14 @@ export async function show(root, route, library, left) {
       h('h1', null, 'Comparison'),
       h('span', { class: 'grow' }),
       h('label', { class: 'key' }, 'Aligned at the start of ', choice),
-      h('a', { class: 'button', href: compareHash([...ids].reverse(), params) }, 'Swap'),
+      swap,
     );
+  }
+
+  function hashOf(pairs) {
+    const told = new URLSearchParams(params);
+    if (align !== START) told.set('align', align);
+    return compareHash(pairs, told);
   }
 
   function draw(phase) {

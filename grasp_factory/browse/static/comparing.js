@@ -5,33 +5,37 @@ import { compareHash } from './routes.js';
 
 const FIRST = 'grasp-factory-compare';
 
-/** Keep an episode ('store:row') as the first, or open the page of the kept one and this one. */
-export function addCompare(id, params) {
-  const first = kept();
+/**
+ * Keep an episode ('store:row') as the first, or open the page of the kept one and this one.
+ * stores: those of the library, for ids mean nothing in others.
+ */
+export function addCompare(id, params, stores) {
+  const key = `${FIRST} ${JSON.stringify(stores.map(({ path }) => path))}`;
+  const first = kept(key);
   if (!first || first === id) {
-    keep(id);
+    keep(key, id);
     notice('Kept for a comparison: choose Compare (c) on another episode.');
     return;
   }
-  keep('');
+  keep(key, '');
   location.hash = compareHash([first, id], params);
 }
 
-let held = '';
+const held = new Map();
 
 // A browser that keeps nothing still keeps it while the page is open.
-function kept() {
+function kept(key) {
   try {
-    return sessionStorage.getItem(FIRST) ?? '';
+    return sessionStorage.getItem(key) ?? '';
   } catch {
-    return held;
+    return held.get(key) ?? '';
   }
 }
 
-function keep(id) {
-  held = id;
+function keep(key, id) {
+  held.set(key, id);
   try {
-    sessionStorage.setItem(FIRST, id);
+    sessionStorage.setItem(key, id);
   } catch {
     // held is enough
   }

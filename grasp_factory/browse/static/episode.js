@@ -11,6 +11,7 @@ import { makeFacts } from './facts.js';
 import { badge, count, readable } from './format.js';
 import { makeImages } from './images.js';
 import { makeMarks } from './marks.js';
+import { notice } from './overlays.js';
 import { episodeHash, gridHash } from './routes.js';
 import { onChange, selected, toggle } from './selection.js';
 import { makeTactile } from './tactile.js';
@@ -29,6 +30,9 @@ const HELP = [
   ['c', 'compare with another episode'],
   ['Esc', 'back to all episodes'],
 ];
+
+const LEAVING = ['ArrowLeft', 'ArrowRight', 'Escape'];
+const STUCK = 'What you typed is not saved: see why beside it. The links and buttons still leave the page.';
 
 /** signal: aborted when another page is shown. */
 export async function show(root, route, library, signal) {
@@ -55,7 +59,7 @@ export async function show(root, route, library, signal) {
   const marks = makeMarks(notes.save, notes.reason);
   const part = { store, row, episode, series, library, clock, marks, signal };
   const annotate = makeAnnotate(notes, episode, library, marks.list, signal);
-  const head = makeHead({ id, store, row, episode, neighbours, route, about, notes });
+  const head = makeHead({ id, store, row, episode, neighbours, route, about, notes, library });
   const stops = [head.stop, annotate.stop, marks.stop, clock.stop];
   const side = [annotate.node, makeFacts(episode, library, about)];
 
@@ -96,7 +100,8 @@ export async function show(root, route, library, signal) {
     const isSlider = event.target.matches?.('input[type=range]');
     const isPressed = event.target.closest?.('button, summary, a');
     const { key } = event;
-    if (key === 'ArrowLeft' && !isSlider) walk.turn(-1);
+    if (LEAVING.includes(key) && !isSlider && annotate.isStuck()) notice(STUCK, { bad: true });
+    else if (key === 'ArrowLeft' && !isSlider) walk.turn(-1);
     else if (key === 'ArrowRight' && !isSlider) walk.turn(1);
     else if (key === ' ' && !isPressed) clock.toggle();
     else if (key === '[' && !clock.isEmpty) clock.step(-1);
@@ -106,7 +111,7 @@ export async function show(root, route, library, signal) {
     else if (key === 's' && !notes.reason()) notes.save([['outcome', 'success']]);
     else if (key === 'f') annotate.focusLabel();
     else if (key === 'x') toggle(id);
-    else if (key === 'c') addCompare(id, route.params);
+    else if (key === 'c') addCompare(id, route.params, library.stores);
     else if (key === 'Escape') marks.cancel() || (location.hash = gridHash(route.params));
     else return;
     event.preventDefault();
@@ -122,7 +127,7 @@ export async function show(root, route, library, signal) {
   return leave;
 }
 
-function makeHead({ id, store, row, episode, neighbours, route, about, notes }) {
+function makeHead({ id, store, row, episode, neighbours, route, about, notes, library }) {
   const { index } = episode;
   const outcome = h('span', { class: 'outcome', dataset: { testid: 'outcome' } });
   const select = h('input', { type: 'checkbox', 'aria-label': 'Selected', dataset: { testid: 'select' }, onchange: () => toggle(id, select.checked) });
@@ -156,11 +161,11 @@ function makeHead({ id, store, row, episode, neighbours, route, about, notes }) 
     { class: 'episode-head' },
     h('a', { class: 'turn', href: gridHash(route.params), 'aria-label': 'All episodes (Esc)', title: 'All episodes (Esc)' }, '☰'),
     outcome,
-    h('h1', null, h('span', { class: 'muted' }, `${about.name} `), `#${row}`),
+    h('h1', { class: library.stores.length > 1 ? 'of-several' : null }, h('span', { class: 'muted' }, `${about.name} `), `#${row}`),
     h('dl', { class: 'head-facts' }, words.map(([name, text]) => h('div', null, h('dt', null, name), h('dd', { title: text, dataset: { fact: name } }, text || '–')))),
     h('span', { class: 'grow' }),
     h('label', { class: 'key' }, select, h('span', { class: 'select-word' }, 'Selected')),
-    h('button', { type: 'button', class: 'small', dataset: { testid: 'compare' }, onclick: () => addCompare(id, route.params) }, 'Compare'),
+    h('button', { type: 'button', class: 'small', dataset: { testid: 'compare' }, onclick: () => addCompare(id, route.params, library.stores) }, 'Compare'),
     h(
       'nav',
       { class: 'turns', 'aria-label': 'Episodes of the filter' },

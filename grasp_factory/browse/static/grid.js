@@ -7,7 +7,7 @@ import { facets } from './facets.js';
 import { drawChips, filterField, sortControl, wrongOrder } from './filters.js';
 import { count, plural, share } from './format.js';
 import { pager } from './paging.js';
-import { gridHash } from './routes.js';
+import { gridHash, paramsOf, stateOf } from './routes.js';
 import { selectionBar } from './selecting.js';
 
 const PAGE = 60;
@@ -48,6 +48,7 @@ export async function show(root, route, library, left) {
   const number = h('span', { dataset: { testid: 'total' } });
   const rate = h('span', { class: 'muted', dataset: { testid: 'success-rate' } });
   const cards = cardList(library, () => paramsOf(state));
+  const troubles = h('div', { class: 'troubles' });
   const message = h('div', { class: 'state', hidden: true, dataset: { testid: 'grid-state' } });
   const frames = ['Before', 'After'].map((text, frame) =>
     h(
@@ -82,13 +83,14 @@ export async function show(root, route, library, left) {
         filter.node,
       ),
       chips,
-      library.stores.filter((store) => store.error).map(trouble),
+      troubles,
       cards.node,
       message,
       h('div', { class: 'foot' }, bar.node, h('span', { class: 'grow' }), pages.node),
     ),
   );
   cards.wait();
+  drawTroubles();
 
   document.addEventListener('keydown', keys);
   left.addEventListener('abort', () => loading.abort());
@@ -100,11 +102,18 @@ export async function show(root, route, library, left) {
     for (const part of [cards, bar, side]) part.end();
   };
   leave.help = HELP;
+  leave.told = drawTroubles;
   leave.update = (next) => {
     state = stateOf(next.params);
     load();
   };
   return leave;
+
+  function drawTroubles() {
+    const lines = library.stores.filter((store) => store.error);
+    const line = ({ name, error }) => h('p', { class: 'error', role: 'alert' }, `${name}: ${error}`);
+    troubles.replaceChildren(...lines.map(line));
+  }
 
   /** Write what changed to the address; the page follows the address. */
   function change(part) {
@@ -272,28 +281,6 @@ function asker(signal) {
   };
 }
 
-function stateOf(params) {
-  const offset = Number.parseInt(params.get('offset') ?? '0', 10);
-  return {
-    where: params.getAll('where'),
-    sort: params.get('sort') ?? '',
-    offset: offset > 0 ? offset : 0,
-    bars: params.get('bars') ?? '',
-  };
-}
-
-function paramsOf({ where, sort, offset, bars }) {
-  const params = new URLSearchParams(where.map((condition) => ['where', condition]));
-  if (sort) params.set('sort', sort);
-  if (offset) params.set('offset', offset);
-  if (bars) params.set('bars', bars);
-  return params;
-}
-
 function button(text, onclick) {
   return h('button', { type: 'button', onclick }, text);
-}
-
-function trouble(store) {
-  return h('p', { class: 'error', role: 'alert' }, `${store.name}: ${store.error}`);
 }

@@ -20,7 +20,8 @@ const chosen = { camera: '', kind: 'rgb', isDrawn: true };
  */
 export function makeImages({ store, row, episode, series, library, clock, marks }) {
   const cameras = Object.keys(episode.cameras);
-  if (!cameras.includes(chosen.camera)) chosen.camera = cameras[0];
+  // Of two episodes beside one another, each has its own.
+  const view = { ...chosen, camera: cameras.includes(chosen.camera) ? chosen.camera : cameras[0] };
   const version = encodeURIComponent((episode.index.checksum ?? '').slice(0, 16));
   const at = `${store}/${row}`;
   const still = (camera, kind, frame) =>
@@ -44,53 +45,63 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
   const ahead = new Map();
 
   function choose(changes) {
+    Object.assign(view, changes);
     Object.assign(chosen, changes);
     draw();
   }
 
   function draw() {
-    const camera = episode.cameras[chosen.camera];
+    const camera = episode.cameras[view.camera];
     tabs.replaceChildren(
-      segments('Camera', cameras, chosen.camera, (name) => choose({ camera: name })),
-      segments('Image', KINDS, chosen.kind, (name) => choose({ kind: name })),
+      segments('Camera', cameras, view.camera, (name) => choose({ camera: name })),
+      segments('Image', KINDS, view.kind, (name) => choose({ kind: name })),
     );
     frameBox.style.aspectRatio = `${camera.width} / ${camera.height}`;
     stills.forEach(({ image, box }, frame) => {
       box.style.aspectRatio = `${camera.width} / ${camera.height}`;
-      swap(image, still(chosen.camera, chosen.kind, frame));
-      image.alt = `${chosen.camera}, ${chosen.kind}, ${FRAMES[frame]} the attempt`;
+      swap(image, still(view.camera, view.kind, frame));
+      image.alt = `${view.camera}, ${view.kind}, ${FRAMES[frame]} the attempt`;
     });
-    marks.setCamera(chosen.camera, camera);
+    marks.setCamera(view.camera, camera);
     keys.replaceChildren(...sceneKeys());
-    stillKeys.replaceChildren(...imageKeys(chosen.kind, episode, library));
+    stillKeys.replaceChildren(...imageKeys(view, episode, library));
     stillKeys.hidden = !stillKeys.childElementCount;
     move();
   }
 
   function sceneKeys() {
+    const isUnknown = isMovingFilm();
     const toggle = h('input', {
       type: 'checkbox',
-      checked: chosen.isDrawn,
+      checked: view.isDrawn && !isUnknown,
+      disabled: isUnknown,
       onchange: () => choose({ isDrawn: toggle.checked }),
     });
     return [
       h('label', { class: 'key' }, toggle, 'Motion'),
-      ...SCENE_KEYS.map(([color, words]) => keyOf(color, words)),
+      ...(isUnknown
+        ? [h('span', null, 'not drawn over the video of a camera that moves')]
+        : SCENE_KEYS.map(([color, words]) => keyOf(color, words))),
     ];
   }
 
+  /** Where the camera moves with the hand, its pose during the attempt is not known here. */
+  function isMovingFilm() {
+    const camera = episode.cameras[view.camera];
+    return view.kind === 'rgb' && camera.video_frames > 0 && !clock.isEmpty && !stands(camera);
+  }
+
   function move() {
-    const camera = episode.cameras[chosen.camera];
+    const camera = episode.cameras[view.camera];
     const shown = atTime(camera);
     if (frameBox.dataset.source !== shown.name || !picture.getAttribute('src')) {
       frameBox.dataset.source = shown.name;
       source.textContent = shown.words;
     }
     swap(picture, shown.url);
-    picture.alt = `${chosen.camera}, ${chosen.kind}: ${shown.words}`;
+    picture.alt = `${view.camera}, ${view.kind}: ${shown.words}`;
     frameBox.dataset.time = clock.time.toFixed(4);
-    // Where the camera moves with the hand, its pose during the attempt is not known here.
-    canvas.hidden = !chosen.isDrawn || (shown.isVideo && !stands(camera));
+    canvas.hidden = !view.isDrawn || (shown.isVideo && !stands(camera));
     if (!canvas.hidden) {
       drawScene(canvas, episode, series, camera, shown.frame, clock.isEmpty ? -1 : clock.index);
     }
@@ -99,19 +110,19 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
   function atTime(camera) {
     const times = series.video_time ?? [];
     const count = Math.min(camera.video_frames ?? 0, times.length);
-    if (chosen.kind === 'rgb' && count > 0 && !clock.isEmpty) {
-      const i = Math.max(0, Math.min(lastUntil(times, clock.time + 1e-6), count - 1));
+    const i = Math.min(lastUntil(times, clock.time + 1e-6), count - 1);
+    if (view.kind === 'rgb' && i >= 0 && !clock.isEmpty && !clock.isOver) {
       for (let next = i + 1; next <= Math.min(i + AHEAD, count - 1); next++) preload(next);
-      const url = film(chosen.camera, i);
+      const url = film(view.camera, i);
       return { name: `video:${i}`, words: `video, ${times[i].toFixed(2)} s`, url, frame: 0, isVideo: true };
     }
     const frame = clock.isOver ? 1 : 0;
     const words = `${FRAMES[frame]} the attempt`;
-    return { name: FRAMES[frame], words, url: still(chosen.camera, chosen.kind, frame), frame, isVideo: false };
+    return { name: FRAMES[frame], words, url: still(view.camera, view.kind, frame), frame, isVideo: false };
   }
 
   function preload(i) {
-    const url = film(chosen.camera, i);
+    const url = film(view.camera, i);
     if (ahead.has(url)) return;
     ahead.set(url, Object.assign(new Image(), { src: url }));
   }
@@ -156,9 +167,9 @@ function keyOf(color, words) {
   return h('span', { class: 'key' }, swatch, words);
 }
 
-function imageKeys(kind, episode, library) {
+function imageKeys({ kind, camera }, episode, library) {
   if (kind === 'depth') {
-    const [near, far] = episode.depth_range[chosen.camera];
+    const [near, far] = episode.depth_range[camera];
     return [
       h('span', null, `${near.toFixed(2)} m`),
       h('span', { class: 'depth-bar', role: 'img', 'aria-label': 'near red, far blue' }),

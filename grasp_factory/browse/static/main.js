@@ -51,6 +51,23 @@ async function start() {
   await go();
 }
 
+/** Ask again which stores there are: one may have gone or come back; a new server has others. */
+async function lookAgain() {
+  let now;
+  try {
+    now = await getJson('/api/library');
+  } catch {
+    return; // what the page asks next says what is wrong
+  }
+  const paths = ({ stores }) => stores.map(({ path }) => path).join('\n');
+  if (paths(now) !== paths(library)) {
+    location.reload();
+    return;
+  }
+  library.stores.forEach((store, i) => (store.error = now.stores[i].error));
+  shown.leave?.told?.();
+}
+
 async function go() {
   const route = parse(location.hash);
   const name = route.path[0] ?? 'grid';
@@ -63,6 +80,7 @@ async function go() {
   loading.abort();
   const { signal } = (loading = new AbortController());
   shown.leave?.();
+  const isFirst = !shown.name;
   shown = { name, leave: null };
   drawTop();
   const page = h('div', { class: `page page-${name}` });
@@ -75,8 +93,12 @@ async function go() {
     const { show } = await PAGES[name]();
     if (signal.aborted) return;
     const leave = await show(page, route, library, signal);
-    if (!signal.aborted) shown.leave = leave;
-    else leave?.();
+    if (signal.aborted) {
+      leave?.();
+      return;
+    }
+    shown.leave = leave;
+    if (leave?.told && !isFirst) lookAgain();
   } catch (error) {
     if (!signal.aborted) fail(error);
   }

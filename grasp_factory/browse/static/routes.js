@@ -27,6 +27,26 @@ export function pair(id) {
   return id.split(':').map(Number);
 }
 
+/** What the grid shows, by the params of its address. */
+export function stateOf(params) {
+  const offset = Number.parseInt(params.get('offset') ?? '0', 10);
+  return {
+    where: params.getAll('where'),
+    sort: params.get('sort') ?? '',
+    offset: offset > 0 ? offset : 0,
+    bars: params.get('bars') ?? '',
+  };
+}
+
+/** The params of an address that shows this; see stateOf. */
+export function paramsOf({ where, sort, offset, bars }) {
+  const params = new URLSearchParams(where.map((condition) => ['where', condition]));
+  if (sort) params.set('sort', sort);
+  if (offset) params.set('offset', offset);
+  if (bars) params.set('bars', bars);
+  return params;
+}
+
 function withParams(path, params) {
   const text = params.toString();
   return text ? `${path}?${text}` : path;

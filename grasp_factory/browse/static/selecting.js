@@ -23,7 +23,7 @@ export function selectionBar(library, state, changed) {
   );
   const copy = button(
     'Copy command',
-    { testid: 'copy-command', title: 'The command that makes a dataset of the list' },
+    { testid: 'copy-command', title: 'The command that makes a dataset of the list; one for each store' },
     copyCommand,
   );
   const compare = button(
@@ -72,9 +72,9 @@ export function selectionBar(library, state, changed) {
   }
 
   async function copyCommand() {
-    const [first] = [...selected()].map(pair).sort((a, b) => a[0] - b[0]);
-    const path = library.stores.find((store) => store.id === first[0])?.path ?? 'STORE';
-    const text = `grasp-factory split ${quoted(path)} selection.zarr --ids ids.txt`;
+    const chosen = new Set([...selected()].map((id) => pair(id)[0]));
+    const stores = library.stores.filter(({ id }) => chosen.has(id));
+    const text = stores.map(({ path }, i) => splitting(path, stores.length > 1 ? i + 1 : '')).join('\n');
     try {
       await navigator.clipboard.writeText(text);
       notice(`Copied: ${text}`);
@@ -213,6 +213,10 @@ function tagDialog(changed) {
 
 function button(text, { testid, title = null }, onclick) {
   return h('button', { type: 'button', title, dataset: { testid }, onclick }, text);
+}
+
+function splitting(path, number) {
+  return `grasp-factory split ${quoted(path)} selection${number}.zarr --ids ids.txt`;
 }
 
 function quoted(path) {
