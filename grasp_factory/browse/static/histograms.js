@@ -186,7 +186,7 @@ export function numberBars({ columns, range, choose }) {
     const quiet = { show: false };
     return {
       ...size(),
-      padding: [6, 8, 0, 4],
+      padding: [6, 18, 0, 4], // half of the last label is beside the plot
       legend: quiet,
       cursor: { y: false, points: quiet, drag: { x: true, y: false, setScale: false } },
       scales: {
