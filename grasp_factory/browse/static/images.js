@@ -101,7 +101,7 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
     swap(picture, shown.url);
     picture.alt = `${view.camera}, ${view.kind}: ${shown.words}`;
     frameBox.dataset.time = clock.time.toFixed(4);
-    canvas.hidden = !view.isDrawn || (shown.isVideo && !stands(camera));
+    canvas.hidden = !view.isDrawn || isMovingFilm();
     if (!canvas.hidden) {
       drawScene(canvas, episode, series, camera, shown.frame, clock.isEmpty ? -1 : clock.index);
     }
@@ -114,11 +114,11 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
     if (view.kind === 'rgb' && i >= 0 && !clock.isEmpty && !clock.isOver) {
       for (let next = i + 1; next <= Math.min(i + AHEAD, count - 1); next++) preload(next);
       const url = film(view.camera, i);
-      return { name: `video:${i}`, words: `video, ${times[i].toFixed(2)} s`, url, frame: 0, isVideo: true };
+      return { name: `video:${i}`, words: `video, ${times[i].toFixed(2)} s`, url, frame: 0 };
     }
     const frame = clock.isOver ? 1 : 0;
     const words = `${FRAMES[frame]} the attempt`;
-    return { name: FRAMES[frame], words, url: still(view.camera, view.kind, frame), frame, isVideo: false };
+    return { name: FRAMES[frame], words, url: still(view.camera, view.kind, frame), frame };
   }
 
   function preload(i) {
