@@ -12,14 +12,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from http.client import HTTPConnection
+from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from browse_process import browsing
+from browse_process import Running, browsing
 from fake_episodes import JOINTS, make_episode, make_rows, small_config
 from flask.testing import FlaskClient
 from hypothesis import given
@@ -793,6 +793,27 @@ class TestTheCommand:
             assert len(server.token) >= 24
             assert server.get("/api/library")[0] == server.get("/thumb/0/0.jpg")[0] == 200
             assert server.stop() == (0, "", "")
+
+    @pytest.mark.slow
+    def test_it_ends_quietly_while_many_are_being_answered(self, stores: tuple[Path, Path]) -> None:
+        addresses = ["/cloud/0/0/0", "/api/library", "/static/main.js", "/api/series/0/1"]
+        for _ in range(6):
+            with browsing(stores[REAL]) as server, ThreadPoolExecutor(6) as pool:
+                is_over = threading.Event()
+
+                def ask(address: str, server: Running = server, over: Any = is_over) -> None:
+                    with contextlib.suppress(OSError, HTTPException):
+                        while not over.is_set():
+                            server.get(address)
+
+                asking = [pool.submit(ask, address) for address in addresses + addresses[:2]]
+                while not all(one.running() for one in asking):
+                    time.sleep(0.01)
+                server.get("/")
+                assert server.stop() == (0, "", "")
+                is_over.set()
+                for one in asking:
+                    one.result()
 
     def test_each_run_has_another_token(self, own_store: Path) -> None:
         with browsing(own_store) as first, browsing(own_store) as second:

@@ -35,6 +35,7 @@ MOST_HEADER = 32 * 1024
 """Bytes of a request's header; addresses with many conditions are long."""
 PATIENCE_S = 2.0
 """For answers that are being made when the server is stopped."""
+_LOG = logging.getLogger("waitress")
 
 
 class Server:
@@ -68,14 +69,18 @@ class Server:
 
     def start(self) -> Self:
         """Begin to answer, and return."""
+        _LOG.setLevel(logging.WARNING)
         self._thread.start()
         return self
 
     def stop(self) -> None:
-        """Close all connections, and end the threads."""
-        self._server.trigger.pull_trigger(self._close)
-        self._thread.join()
+        """Let answers end that are being made, close all connections, and end the threads."""
+        _LOG.setLevel(logging.CRITICAL)  # whoever is not done in time is nobody's trouble
+        # Before anything is closed: those who answer would write to it.
         self._server.task_dispatcher.shutdown(timeout=PATIENCE_S)
+        with contextlib.suppress(OSError):
+            self._server.trigger.pull_trigger(self._close)
+        self._thread.join(PATIENCE_S)
 
     def _close(self) -> None:
         """Close what is open, in the thread that uses it, which ends without."""
