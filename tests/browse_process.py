@@ -60,8 +60,8 @@ class Running:
         """Press Ctrl-C; return exit code, the rest of stdout, and stderr."""
         self.process.send_signal(signal.SIGINT)
         assert self.process.stdout is not None
-        said = self.process.stdout.read()
-        return self.process.wait(PATIENCE_S), said, self.errors.read_text()
+        code = self.process.wait(PATIENCE_S)
+        return code, self.process.stdout.read(), self.errors.read_text()
 
 
 @contextlib.contextmanager
