@@ -465,7 +465,7 @@ class TestFile:
         def refuse(*_: object) -> None:
             raise UsageError("index cannot be written; --index FILE")
 
-        monkeypatch.setattr("grasp_factory.index.library.writing", refuse)
+        monkeypatch.setattr("grasp_factory.index.handle.writing", refuse)
         with fresh([store]) as index:  # it looks again, for the store is new
             assert len(rows_of(index)) == 14
         ZarrWriter(store).write_block(MISSING_BLOCK, make_rows(CONFIG, MISSING_BLOCK, N))

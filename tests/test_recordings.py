@@ -22,7 +22,7 @@ from grasp_factory.episode import Episode
 from grasp_factory.errors import GraspFactoryError, UsageError
 from grasp_factory.geometry import Array, pose_matrices
 from grasp_factory.outcome import label_names
-from grasp_factory.recordings import RRD, default_file, library
+from grasp_factory.recordings import RRD, default_file, sdk
 from grasp_factory.robots import ROBOTS
 from grasp_factory.rollout import run_episode
 from grasp_factory.world import World
@@ -227,8 +227,8 @@ class TestARecording:
         store = TINY if both[0].spec.robot == "kuka_iiwa" else varied()
         recording.write_recording(Dataset.open(store), 0, tmp_path / "v.rrd")
         said = subprocess.run(
-            [library.viewer(), "rrd", "verify", tmp_path / "v.rrd"],
-            env=library.viewer_environment(tmp_path), capture_output=True, text=True, check=True,
+            [sdk.viewer(), "rrd", "verify", tmp_path / "v.rrd"],
+            env=sdk.viewer_environment(tmp_path), capture_output=True, text=True, check=True,
         )  # fmt: skip
         assert "1 file verified without error" in said.stdout + said.stderr
 
@@ -348,7 +348,7 @@ class TestCommand:
         tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        monkeypatch.setattr(library, "find_spec", lambda name: None)
+        monkeypatch.setattr(sdk, "find_spec", lambda name: None)
         code, err = complaint("rerun", TINY, 0)
         assert code == 2
         assert "this needs rerun, not installed: pip install 'grasp-factory[rerun]'" in err
@@ -387,8 +387,8 @@ class TestTheViewer:
             return subprocess.CompletedProcess(command, 0)
 
         monkeypatch.setenv("FORCE_RERUN_ANALYTICS", "1")
-        monkeypatch.setattr(library.subprocess, "run", pretend)
-        library.open_viewer(tmp_path / "r.rrd")
+        monkeypatch.setattr(sdk.subprocess, "run", pretend)
+        sdk.open_viewer(tmp_path / "r.rrd")
         (first, before), (second, env) = told
         assert first[1:] == ["analytics", "disable"]
         assert second[1:3] == ["--bind", "127.0.0.1"]
@@ -398,10 +398,10 @@ class TestTheViewer:
         assert env["XDG_CONFIG_HOME"] != os.environ.get("XDG_CONFIG_HOME")
 
     def test_has_them_off_as_it_says_itself(self, tmp_path: Path) -> None:
-        quiet = library.viewer_environment(tmp_path)
+        quiet = sdk.viewer_environment(tmp_path)
         for words in (("disable",), ("config",)):
             said = subprocess.run(
-                [library.viewer(), "analytics", *words],
+                [sdk.viewer(), "analytics", *words],
                 env=quiet, capture_output=True, text=True, check=True,
             )  # fmt: skip
         assert '"analytics_enabled": false' in said.stdout
@@ -413,9 +413,9 @@ class TestTheViewer:
         def refuse(command: list[Any], **_: Any) -> Any:
             return subprocess.CompletedProcess(command, int("analytics" not in command))
 
-        monkeypatch.setattr(library.subprocess, "run", refuse)
+        monkeypatch.setattr(sdk.subprocess, "run", refuse)
         with pytest.raises(GraspFactoryError, match=r"ended with 1: .*open it\s+elsewhere"):
-            library.open_viewer(tmp_path / "r.rrd")
+            sdk.open_viewer(tmp_path / "r.rrd")
 
 
 def test_a_file_is_named_after_store_and_episode(tmp_path: Path) -> None:

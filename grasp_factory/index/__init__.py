@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from grasp_factory.index.building import Built, build, default_path
 from grasp_factory.index.columns import COLUMNS, Column
-from grasp_factory.index.library import Index
+from grasp_factory.index.handle import Index
 from grasp_factory.index.opening import fresh
 from grasp_factory.index.query import OPERATORS, SYNTAX, Condition, Query, Sort
 from grasp_factory.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars

@@ -9,7 +9,7 @@ from grasp_factory.cache import cache_dir, digest
 from grasp_factory.errors import UsageError
 from grasp_factory.index.building import build, default_path, places
 from grasp_factory.index.database import VERSION, DamagedIndexError, version_of
-from grasp_factory.index.library import Index
+from grasp_factory.index.handle import Index
 
 
 def fresh(

@@ -14,9 +14,9 @@ from grasp_factory.episode import Episode
 from grasp_factory.outfile import check_out, written_aside
 from grasp_factory.recordings.cameras import log_cameras, log_clouds, log_labels
 from grasp_factory.recordings.layout import blueprint
-from grasp_factory.recordings.library import RRD
 from grasp_factory.recordings.moving import log_objects, log_robot
 from grasp_factory.recordings.scenery import log_scenery
+from grasp_factory.recordings.sdk import RRD
 from grasp_factory.recordings.series import log_phases, log_series
 from grasp_factory.recordings.words import episode_text
 from grasp_factory.track import Track
