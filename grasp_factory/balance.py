@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, quat_xyzw_to_matrix
 from grasp_factory.labels import Streams, target_com, touching
+from grasp_factory.linear import norm, turned, turned_back
 from grasp_factory.outcome import Label, Phase
 
 Indices = NDArray[np.signedinteger[Any]]
@@ -37,10 +38,10 @@ def pads_on_target(streams: Streams, com: Array, records: Indices) -> tuple[Arra
     points[:, 0, :, 1] += half  # pad frames sit half the width to either side of the TCP
     points[:, 1, :, 1] -= half
     offset = com[records] - tcp_pose[:, :3].astype(np.float64)
-    in_hand = np.einsum("nji,nj->ni", R, offset)
+    in_hand = turned_back(R, offset)
     moment = np.cross(points - in_hand[:, None, None], force) * on_target
-    total = np.einsum("nij,nj->ni", R, force.sum(axis=(1, 2)))
-    return total, np.einsum("nij,nj->ni", R, moment.sum(axis=(1, 2)))
+    total = turned(R, force.sum(axis=(1, 2)))
+    return total, turned(R, moment.sum(axis=(1, 2)))
 
 
 def acceleration(com: Array, times: Array) -> Array:
@@ -52,7 +53,8 @@ def acceleration(com: Array, times: Array) -> Array:
     """
     out = np.zeros_like(com)
     if len(com) > 2:
-        out[1:-1] = (com[2:] - 2.0 * com[1:-1] + com[:-2]) / float(times[1] - times[0]) ** 2
+        period = float(times[1] - times[0])
+        out[1:-1] = (com[2:] - 2.0 * com[1:-1] + com[:-2]) / (period * period)
     return out
 
 
@@ -77,4 +79,4 @@ def force_residual(streams: Streams, object_com: Array, mass: float, gravity: fl
     force += streams["hand_force"][records]
     up = np.array([0.0, 0.0, gravity])
     expected = mass * (acceleration(com, streams["timestamp"])[records] + up)
-    return float(np.linalg.norm(force - expected, axis=1).mean() / (mass * gravity))
+    return float(norm(force - expected).mean() / (mass * gravity))

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.elementary import sincos
 from grasp_factory.geometry import Array, inverse
+from grasp_factory.linear import turned
 from grasp_factory.renderer import Renderer
 
 
@@ -33,7 +35,8 @@ class Intrinsics:
         cls, width: int, height: int, fov_y: float, renderer: Renderer = Renderer.TINY
     ) -> Intrinsics:
         """Return square-pixel intrinsics for a vertical field of view in radians."""
-        f = height / 2.0 / np.tan(fov_y / 2.0)
+        sine, cosine = sincos(fov_y / 2.0)
+        f = height / 2.0 * cosine / sine
         dx, dy = renderer.pixel_offset
         return cls(width, height, float(f), float(f), width / 2.0 - dx, height / 2.0 - dy)
 
@@ -65,7 +68,7 @@ class Camera:
 
     def opengl_view(self) -> Array:
         """Return the OpenGL view matrix (4, 4): world to camera with +y up, -z forward."""
-        return np.asarray(np.diag([1.0, -1.0, -1.0, 1.0]) @ inverse(self.T_world_camera))
+        return np.array([[1.0], [-1.0], [-1.0], [1.0]]) * inverse(self.T_world_camera)
 
     def opengl_projection(self) -> Array:
         """Return the OpenGL projection matrix (4, 4)."""
@@ -110,5 +113,5 @@ def deproject_pixels(u: NDArray[Any], v: NDArray[Any], depth: Array, K: Array) -
 
 def project(points: Array, K: Array) -> Array:
     """Return the pixels (..., 2) as (u, v) of points (..., 3) in the camera frame."""
-    uvw = points @ K.T
+    uvw = turned(K, points)
     return np.asarray(uvw[..., :2] / uvw[..., 2:])

@@ -9,10 +9,10 @@ that of Dex-Net 2.0 (Mahler et al., 2017); here it is metric, and made from any 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from grasp_factory.camera import project
 from grasp_factory.episode import CameraImage
 from grasp_factory.geometry import Array, inverse
+from grasp_factory.linear import product, turned_back
 from grasp_factory.records import check, check_range, is_integer
 
 GLANCE = 1.7
@@ -102,7 +103,7 @@ def grasp_crop(
     """
     shape = shape or CropShape()
     height, sources = _sources(images, T_world_tcp, shape)
-    rgb = np.zeros((shape.size**2, 3), np.uint8)
+    rgb = np.zeros((shape.size * shape.size, 3), np.uint8)
     for image, pixel in sources:
         rgb = np.where(pixel[:, None] >= 0, image.rgb.reshape(-1, 3).take(pixel, axis=0), rgb)
     return GraspCrop(
@@ -121,7 +122,7 @@ def _sources(
     images: Iterable[CameraImage], T_world_tcp: Array, shape: CropShape
 ) -> tuple[NDArray[np.float32], _Sources]:
     """Return the heights (S, S), NaN where nothing is seen, and where they come from."""
-    height = np.full(shape.size**2, -np.inf, np.float32)
+    height = np.full(shape.size * shape.size, -np.inf, np.float32)
     sources: _Sources = []
     for image in images:
         highest, pixel = _highest(image, T_world_tcp, shape)
@@ -133,7 +134,7 @@ def _sources(
 
 
 def _labels(sources: _Sources, shape: CropShape) -> NDArray[np.uint8]:
-    label = np.zeros(shape.size**2, np.uint8)
+    label = np.zeros(shape.size * shape.size, np.uint8)
     for image, pixel in sources:
         label = np.where(pixel >= 0, image.segmentation.reshape(-1).take(pixel), label)
     return label.reshape(shape.size, shape.size)
@@ -215,7 +216,7 @@ def _highest(
 
     The pixel is its number, row by row, and -1 where the image shows nothing.
     """
-    T_tcp_camera = inverse(T_world_tcp) @ image.T_world_camera
+    T_tcp_camera = product(inverse(T_world_tcp), image.T_world_camera)
     window = _window(image, T_tcp_camera, shape)
     depth, (u, v) = window.depth(image.depth), window.rays(image.intrinsics)
     places = []
@@ -235,10 +236,10 @@ def _highest(
     row_of, column_of = (place.take(seen).astype(np.int64) for place in (row, column))
     cell = row_of * shape.size + column_of
     height = 0.0 - z.take(seen)  # never -0.0, which is other bytes
-    highest = np.full(shape.size**2, -np.inf, np.float32)
+    highest = np.full(shape.size * shape.size, -np.inf, np.float32)
     np.maximum.at(highest, cell, height)
     top = np.flatnonzero(height == highest.take(cell))
-    which = np.full(shape.size**2, -1, np.int64)
+    which = np.full(shape.size * shape.size, -1, np.int64)
     which[cell.take(top)] = seen.take(top)  # of several the last one stays
     return highest, window.pixel(which, image.depth.shape[1])
 
@@ -251,7 +252,7 @@ def _in_cells(T_tcp_camera: Array, shape: CropShape) -> NDArray[np.float32]:
     return np.asarray(out, dtype=np.float32)
 
 
-_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+_CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 """Of a box about the origin whose half sides are 1, (8, 3)."""
 
 
@@ -262,7 +263,7 @@ def _window(image: CameraImage, T_tcp_camera: Array, shape: CropShape) -> _Windo
     """
     half = shape.extent / 2.0
     at_tcp = _CORNERS * np.array([half, half, shape.reach])
-    corners = (at_tcp - T_tcp_camera[:3, 3]) @ T_tcp_camera[:3, :3]  # at the camera
+    corners = turned_back(T_tcp_camera[:3, :3], at_tcp - T_tcp_camera[:3, 3])  # at the camera
     height, width = image.depth.shape
     spacing = GLANCE * float(corners[:, 2].max()) / float(image.intrinsics[0, 0])
     parts = max(1, math.ceil(spacing / shape.cell))

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from grasp_factory.elementary import arctan2, sincos
+from grasp_factory.linear import Array as Array  # noqa: PLC0414
+from grasp_factory.linear import length, norm, product, turned
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +48,14 @@ def inverse(T: Array) -> Array:
     out = np.zeros_like(T)
     Rt = np.swapaxes(T[..., :3, :3], -1, -2)
     out[..., :3, :3] = Rt
-    out[..., :3, 3] = -(Rt @ T[..., :3, 3:])[..., 0]
+    out[..., :3, 3] = -turned(Rt, T[..., :3, 3])
     out[..., 3, 3] = 1.0
     return out
 
 
 def apply(T: Array, points: Array) -> Array:
     """Map points, shape (..., 3) in metres, through one transform (4, 4)."""
-    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
+    return turned(T[:3, :3], points) + T[:3, 3]
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
@@ -62,7 +64,16 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
     Rodrigues' formula.
     """
     K = skew(np.asarray(axis, dtype=np.float64))
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K))
+    sine, cosine = sincos(angle)
+    return np.asarray(np.eye(3) + sine * K + (1.0 - cosine) * product(K, K))
+
+
+def rotation_of_rpy(rpy: ArrayLike) -> Array:
+    """Return the rotation (3, 3) by roll, pitch, yaw in rad, as in URDF: about fixed axes."""
+    (roll, pitch, yaw), (x, y, z) = np.asarray(rpy, dtype=np.float64), np.eye(3)
+    return product(
+        product(rotation_about(z, yaw), rotation_about(y, pitch)), rotation_about(x, roll)
+    )
 
 
 def skew(v: Array) -> Array:
@@ -75,16 +86,16 @@ def rotation_vector(R: Array) -> Array:
     """Return axis times angle (3,) in radians of a rotation matrix (3, 3), angle in [0, pi]."""
     x, y, z, w = matrix_to_quat_xyzw(R)
     v = np.array([x, y, z])
-    sine = float(np.linalg.norm(v))
+    sine = length(v)
     if sine < 1e-12:
         return 2.0 * v
-    return np.asarray(v / sine * 2.0 * np.arctan2(sine, w))
+    return np.asarray(v / sine * 2.0 * arctan2(sine, w))
 
 
 def quat_xyzw_to_matrix(quat_xyzw: ArrayLike) -> Array:
     """Return rotation matrices (..., 3, 3) of quaternions (..., 4), which need not be unit."""
     quat = np.asarray(quat_xyzw, dtype=np.float64)
-    x, y, z, w = (quat / np.sqrt((quat * quat).sum(axis=-1, keepdims=True))).T
+    x, y, z, w = (quat / norm(quat)[..., None]).T
     rows = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -122,7 +133,7 @@ def matrix_to_quat_xyzw(R: ArrayLike) -> Array:
         q = np.zeros(4)
         q[i], q[j], q[k] = squares[i], R[j, i] + R[i, j], R[k, i] + R[i, k]
         q[3] = R[k, j] - R[j, k]
-    q /= np.linalg.norm(q)
+    q /= norm(q)
     return -q if q[3] < 0 else q
 
 
@@ -135,10 +146,10 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) 
     eye = np.asarray(eye, dtype=np.float64)
     forward = np.asarray(target, dtype=np.float64) - eye
     right = np.cross(forward, np.asarray(up, dtype=np.float64))
-    if np.linalg.norm(right) < 1e-9:
+    if length(right) < 1e-9:
         raise ValueError(f"no camera looks from {eye!r} to {target!r} with up {up!r}: change up")
-    forward /= np.linalg.norm(forward)
-    right /= np.linalg.norm(right)
+    forward /= norm(forward)
+    right /= norm(right)
     return transform(np.column_stack([right, np.cross(forward, right), forward]), eye)
 
 

@@ -7,14 +7,17 @@ one start cannot reach, a batch of restarts spread evenly over the joint box doe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grasp_factory.elementary import arctan2
 from grasp_factory.geometry import Array
 from grasp_factory.kinematics import Chain
+from grasp_factory.linear import length, norm, product, solve_definite
 
 POSITION_TOLERANCE = 1e-6
 """A posture solves a pose when its tip is at most this far off, in metres."""
@@ -36,6 +39,8 @@ _DAMPING_PER_SQUARED_ERROR = 0.1
 _DAMPING_FLOOR = 1e-10
 _MAX_ITERATION_STEP = 1.0  # rad; farther than this the linearisation says nothing
 _STRIDE = 3  # waypoints; at a centimetre each, a stride is far within where one step converges
+_RATIO_ITERATIONS = 16  # twice as many as it takes from 2 for any number of joints
+_HALF_TURN = 1e-12  # of 4 cos2 of half the angle: nearer to half a turn the axis has another sign
 _STALL_ITERATIONS = 8  # a start that has not halved its squared error in these is given up
 
 
@@ -73,10 +78,22 @@ def solve_ik(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> IKResult:
 
     An unreachable pose gives the closest posture found, with ``success`` false.
     """
-    T_goal = np.asarray(T_base_tip, dtype=np.float64)
+    return solve_each(chain, np.asarray(T_base_tip, dtype=np.float64)[None], start)[0]
+
+
+def solve_each(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> list[IKResult]:
+    """Return what ``solve_ik`` returns for each of some poses (K, 4, 4), in less time."""
+    T_goals = np.asarray(T_base_tip, dtype=np.float64)
     start = np.asarray(start, dtype=np.float64)
-    found = _descend(chain, T_goal, start[None], enough=1)
-    best = _result(found, 0)
+    starts = np.broadcast_to(start, (len(T_goals), start.size))
+    found = _descend(chain, T_goals, starts, enough=len(T_goals))
+    return [
+        _restarted(chain, T_goal, start, _result(found, row)) for row, T_goal in enumerate(T_goals)
+    ]
+
+
+def _restarted(chain: Chain, T_goal: Array, start: Array, best: IKResult) -> IKResult:
+    """Return a posture's result if it is a solution, or the best that restarts find."""
     if best.success or not _is_in_reach(chain, T_goal):
         return best
     first = 0
@@ -86,7 +103,7 @@ def solve_ik(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> IKResult:
             times = np.where(found.converged, _travel_times(chain, found.q, start), np.inf)
             return _result(found, int(np.argmin(times)))
         closest = _result(found, int(np.argmin(_squares(found.error))))
-        best = min(best, closest, key=lambda r: r.position_error**2 + r.orientation_error**2)
+        best = min(best, closest, key=_squared_error)
         first += count
     return best
 
@@ -203,31 +220,34 @@ def _damped_step(chain: Chain, q: Array, J: Array, error: Array, squares: Array)
     pull = (J * error[..., None]).sum(axis=-2)
     is_held = ((q <= chain.lower) & (pull < 0.0)) | ((q >= chain.upper) & (pull > 0.0))
     J = J * ~is_held[:, None, :]
-    A = J @ np.swapaxes(J, -1, -2)
+    A = product(J, np.swapaxes(J, -1, -2))
     diagonal = np.arange(6)
     A[:, diagonal, diagonal] += (_DAMPING_PER_SQUARED_ERROR * squares + _DAMPING_FLOOR)[:, None]
-    step = (np.swapaxes(J, -1, -2) @ np.linalg.solve(A, error[..., None]))[..., 0]
+    step = (J * solve_definite(A, error)[..., None]).sum(axis=-2)
     largest = np.abs(step).max(axis=-1, keepdims=True)
     return np.asarray(step * (_MAX_ITERATION_STEP / np.maximum(largest, _MAX_ITERATION_STEP)))
 
 
 def _pose_errors(T: Array, T_goal: Array) -> Array:
-    """Return the translation and rotation vector (B, 6) from T (B, 4, 4) to the goal, base axes."""
-    R = T_goal[..., :3, :3] @ np.swapaxes(T[:, :3, :3], -1, -2)
+    """Return what is missing from T (B, 4, 4) to the goal, (B, 6) in base axes.
+
+    The translation, then the axis of the rotation times twice the sine of half its angle, which is
+    the angle where it is small.
+    """
+    R = product(T_goal[..., :3, :3], np.swapaxes(T[:, :3, :3], -1, -2))
     error = np.empty((len(T), 6))
     error[:, :3] = T_goal[..., :3, 3] - T[:, :3, 3]
     error[:, 3] = R[:, 2, 1] - R[:, 1, 2]
     error[:, 4] = R[:, 0, 2] - R[:, 2, 0]
     error[:, 5] = R[:, 1, 0] - R[:, 0, 1]
-    sine = 0.5 * np.sqrt(_squares(error[:, 3:]))
-    cosine = 0.5 * (R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2] - 1.0)
-    angle = np.arctan2(sine, cosine)
-    is_small = sine < 1e-7
-    error[:, 3:] *= (0.5 * np.where(is_small, 1.0, angle / np.where(is_small, 1.0, sine)))[:, None]
-    for i in np.flatnonzero(is_small & (cosine < 0.0)):  # half a turn: R + I = 2 axis axis^T
+    # Four times the square of the cosine of half the angle.
+    square = R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2] + 1.0
+    is_half_turn = square < _HALF_TURN
+    error[:, 3:] /= np.sqrt(np.where(is_half_turn, 1.0, square))[:, None]
+    for i in np.flatnonzero(is_half_turn):  # R + I = 2 axis axis^T
         columns = R[i] + np.eye(3)
         axis = columns[:, np.argmax(np.diag(columns))]
-        error[i, 3:] = angle[i] * axis / np.linalg.norm(axis)
+        error[i, 3:] = 2.0 * axis / norm(axis)
     return error
 
 
@@ -236,9 +256,10 @@ def _squares(v: Array) -> Array:
 
 
 def _is_within_tolerance(error: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    position, orientation = _squares(error[..., :3]), _squares(error[..., 3:])
     return np.asarray(
-        (_squares(error[..., :3]) <= POSITION_TOLERANCE**2)
-        & (_squares(error[..., 3:]) <= ORIENTATION_TOLERANCE**2)
+        (position <= POSITION_TOLERANCE * POSITION_TOLERANCE)
+        & (orientation <= ORIENTATION_TOLERANCE * ORIENTATION_TOLERANCE)
     )
 
 
@@ -246,14 +267,25 @@ def _result(found: _Descent, row: int) -> IKResult:
     error = found.error[row]
     return IKResult(
         joint_positions=found.q[row].copy(),
-        position_error=float(np.linalg.norm(error[:3])),
-        orientation_error=float(np.linalg.norm(error[3:])),
+        position_error=length(error[:3]),
+        orientation_error=_angle(error[3:]),
         success=bool(found.converged[row]),
     )
 
 
+def _angle(error: Array) -> float:
+    """Return the angle whose half has a sine half as long as ``error`` (3,)."""
+    sine = min(1.0, length(error) / 2.0)
+    return 2.0 * float(arctan2(sine, math.sqrt(1.0 - sine * sine)))
+
+
+def _squared_error(result: IKResult) -> float:
+    position, orientation = result.position_error, result.orientation_error
+    return position * position + orientation * orientation
+
+
 def _is_in_reach(chain: Chain, T_goal: Array) -> bool:
-    distance = np.linalg.norm(T_goal[:3, 3] - chain.T_previous_joint[0, :3, 3])
+    distance = length(T_goal[:3, 3] - chain.T_previous_joint[0, :3, 3])
     return bool(distance <= chain.reach + POSITION_TOLERANCE)
 
 
@@ -269,8 +301,9 @@ def _spread(chain: Chain, first: int, count: int) -> Array:
     """
     n = len(chain.lower)
     ratio = 2.0
-    for _ in range(64):
-        ratio = (1.0 + ratio) ** (1.0 / (n + 1))
-    steps = ratio ** -np.arange(1.0, n + 1.0)
+    for _ in range(_RATIO_ITERATIONS):  # Newton's, towards ratio^(n + 1) = 1 + ratio
+        power = math.prod([ratio] * n)
+        ratio -= (power * ratio - 1.0 - ratio) / ((n + 1) * power - 1.0)
+    steps = 1.0 / np.cumprod(np.full(n, ratio))
     unit = (0.5 + np.arange(first + 1, first + count + 1)[:, None] * steps) % 1.0
     return np.asarray(chain.lower + unit * (chain.upper - chain.lower))

@@ -139,7 +139,8 @@ def _laplacian_variance(image: NDArray[np.uint8]) -> float:
     """Return the variance of the Laplacian over eight neighbours, from exact sums."""
     # Unlike cv2.Laplacian it starts no threads, of which each worker would have some.
     around = cv2.boxFilter(image, cv2.CV_16S, (3, 3), normalize=False)
-    return float(cv2.meanStdDev(around - np.int16(9) * image)[1].item()) ** 2
+    deviation = float(cv2.meanStdDev(around - np.int16(9) * image)[1].item())
+    return deviation * deviation
 
 
 def _target_pixels(frames: CameraFrames) -> int:

@@ -13,7 +13,15 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grasp_factory.geometry import Array, inverse, rotation_about, transform
+from grasp_factory.elementary import arctan2, sincos
+from grasp_factory.geometry import (
+    Array,
+    inverse,
+    rotation_about,
+    rotation_of_rpy,
+    transform,
+)
+from grasp_factory.linear import length, product
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +57,7 @@ class Chain:
         T = np.eye(4)
         for joint in _joints_between(ElementTree.parse(path).getroot(), base_link, tip_link):
             name, kind = joint.attrib["name"], joint.attrib["type"]
-            T = T @ _origin(joint)
+            T = product(T, _origin(joint))
             if kind == "fixed":
                 continue
             if kind != "revolute":
@@ -60,7 +68,7 @@ class Chain:
             names.append(name)
             limits.append(_limits(joint))
             T_joint_axis = _frame_along(_vector(joint.find("axis"), "xyz", (1.0, 0.0, 0.0)))
-            offsets.append(T @ T_joint_axis)
+            offsets.append(product(T, T_joint_axis))
             T = inverse(T_joint_axis)
         if not names:
             raise ValueError(f"no revolute joint between {base_link!r} and {tip_link!r} in {path}")
@@ -69,19 +77,18 @@ class Chain:
 
     def with_tool(self, T_tip_tool: Array) -> Chain:
         """Return the chain whose tip is a tool at ``T_tip_tool`` (4, 4) of this one's tip."""
-        return dataclasses.replace(self, T_joint_tip=self.T_joint_tip @ T_tip_tool)
+        return dataclasses.replace(self, T_joint_tip=product(self.T_joint_tip, T_tip_tool))
 
     @property
     def reach(self) -> float:
         """The tip is never farther than this from the first joint's origin; metres."""
         links = [*self.T_previous_joint[1:], self.T_joint_tip]
-        return float(sum(np.linalg.norm(T[:3, 3]) for T in links))
+        return float(sum(length(T[:3, 3]) for T in links))
 
     def fk(self, q: ArrayLike) -> Array:
         """Return ``T_base_tip``, shape (..., 4, 4), at joint angles (..., n) in rad."""
-        return np.asarray(
-            self._joint_frames(np.asarray(q, dtype=np.float64))[-1] @ self.T_joint_tip
-        )
+        frames = self._joint_frames(np.asarray(q, dtype=np.float64))
+        return product(frames[-1], self.T_joint_tip)
 
     def fk_and_jacobian(self, q: ArrayLike) -> tuple[Array, Array]:
         """Return ``T_base_tip`` (..., 4, 4) and the geometric Jacobian (..., 6, n).
@@ -90,7 +97,7 @@ class Chain:
         the tip's origin, then angular (rad/s).
         """
         frames = self._joint_frames(np.asarray(q, dtype=np.float64))
-        T = frames[-1] @ self.T_joint_tip
+        T = product(frames[-1], self.T_joint_tip)
         last = (*range(1, frames.ndim - 1), 0)  # what np.moveaxis(_, 0, -1) does, ten times quicker
         axes = frames[..., :3, 2].transpose(last)  # (..., 3, n)
         arms = T[..., :3, 3, None] - frames[..., :3, 3].transpose(last)
@@ -106,13 +113,16 @@ class Chain:
         angles = q.transpose((q.ndim - 1, *range(q.ndim - 1)))[..., None, None]
         ones = (1,) * (q.ndim - 1)
         shape = (q.shape[-1], *ones, 4, 4)
+        sine_of_angle, cosine_of_angle = sincos(angles)
         frames = (
             still.reshape(shape)
-            + np.cos(angles) * cosine.reshape(shape)
-            + np.sin(angles) * sine.reshape(shape)
+            + cosine_of_angle * cosine.reshape(shape)
+            + sine_of_angle * sine.reshape(shape)
         )
-        for j in range(1, len(frames)):
-            np.matmul(frames[j - 1], frames[j], out=frames[j])
+        reach = 1  # frame j is in the axes of frame j - reach
+        while reach < len(frames):
+            frames[reach:] = product(frames[:-reach], frames[reach:])
+            reach *= 2
         return np.asarray(frames)
 
     @cached_property
@@ -145,7 +155,7 @@ def carrier(path: str | Path, link: str, bodies: Container[str]) -> tuple[str, A
     }
     T = np.eye(4)
     while link not in bodies:
-        T = _origin(parent_joint[link]) @ T
+        T = product(_origin(parent_joint[link]), T)
         link = _link(parent_joint[link], "parent")
     return link, T
 
@@ -189,16 +199,16 @@ def _vector(element: Element | None, key: str, default: tuple[float, float, floa
 def _origin(joint: Element) -> Array:
     """Return the joint's frame in its parent link; URDF rpy turns about fixed x, y, then z."""
     origin = joint.find("origin")
-    roll, pitch, yaw = _vector(origin, "rpy", (0.0, 0.0, 0.0))
-    x, y, z = np.eye(3)
-    R = rotation_about(z, yaw) @ rotation_about(y, pitch) @ rotation_about(x, roll)
-    return transform(R, _vector(origin, "xyz", (0.0, 0.0, 0.0)))
+    return transform(
+        rotation_of_rpy(_vector(origin, "rpy", (0.0, 0.0, 0.0))),
+        _vector(origin, "xyz", (0.0, 0.0, 0.0)),
+    )
 
 
 def _frame_along(axis: Array) -> Array:
     """Return a rotation (4, 4) that takes +z to the direction of ``axis`` (3,)."""
     z = np.array([0.0, 0.0, 1.0])
     turn = np.cross(z, axis)
-    sine = float(np.linalg.norm(turn))
+    sine = length(turn)
     direction = turn / sine if sine > 1e-12 else np.array([1.0, 0.0, 0.0])
-    return transform(rotation_about(direction, float(np.arctan2(sine, axis[2]))), np.zeros(3))
+    return transform(rotation_about(direction, float(arctan2(sine, axis[2]))), np.zeros(3))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, apply, inverse, pose_matrices, rotation_vector
+from grasp_factory.linear import length, norm, product, turned
 from grasp_factory.outcome import Label, Outcome, Phase
 from grasp_factory.sections import LabelConfig
 
@@ -61,7 +62,7 @@ def target_com(streams: Streams, object_com: Array) -> Array:
         object_com: Centre of mass in the object's own frame, (3,) metres.
     """
     T_world_object = pose_matrices(streams["object_pose"][:, 0])
-    return np.asarray(T_world_object[:, :3, :3] @ object_com + T_world_object[:, :3, 3])
+    return turned(T_world_object[:, :3, :3], object_com) + T_world_object[:, :3, 3]
 
 
 def disturbance(streams: Streams, object_com: Array, rest_pose: Array) -> tuple[Array, Array]:
@@ -81,9 +82,9 @@ def disturbance(streams: Streams, object_com: Array, rest_pose: Array) -> tuple[
         return nothing, nothing.copy()
     poses = streams["object_pose"][[-1, before_shake[-1]]].astype(np.float64)
     T_world_object = pose_matrices(np.stack([rest_pose, *poses]))
-    turned = (T_world_object[..., :3, :3] @ object_com[:, :, None])[..., 0]
-    rest, end, held = turned + T_world_object[..., :3, 3]
-    return np.linalg.norm(end - rest, axis=1), (held - rest)[:, 2]
+    offsets = turned(T_world_object[..., :3, :3], object_com)
+    rest, end, held = offsets + T_world_object[..., :3, 3]
+    return norm(end - rest), (held - rest)[:, 2]
 
 
 def measure(streams: Streams, object_com: Array, rest_height: float) -> Measurements:
@@ -104,8 +105,8 @@ def measure(streams: Streams, object_com: Array, rest_height: float) -> Measurem
     slip = apply(end, object_com) - apply(start, object_com)
     out = Measurements(
         lift_height=float(height[phase != Phase.SHAKE][-1]),
-        slip_distance=float(np.linalg.norm(slip)),
-        slip_angle=float(np.linalg.norm(rotation_vector(end[:3, :3] @ start[:3, :3].T))),
+        slip_distance=length(slip),
+        slip_angle=length(rotation_vector(product(end[:3, :3], start[:3, :3].T))),
         shake_level=_survived(streams, both),
         loss_time=float(times[both][-1]) if both.any() and not both[-1] else math.nan,
     )
@@ -186,4 +187,4 @@ def _contact_area(streams: Streams, record: int) -> float:
 def _in_hand(streams: Streams, i: int) -> Array:
     """Return ``T_tcp_object`` (4, 4) at record i."""
     T_world_tcp = pose_matrices(streams["tcp_pose"][i])
-    return inverse(T_world_tcp) @ pose_matrices(streams["object_pose"][i, 0])
+    return product(inverse(T_world_tcp), pose_matrices(streams["object_pose"][i, 0]))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from grasp_factory.episode import Grasp
 from grasp_factory.geometry import Array
-from grasp_factory.ik import IKResult, ik_solutions, solve_ik, track_path
+from grasp_factory.ik import ik_solutions, solve_each, track_path
 from grasp_factory.kinematics import Chain
+from grasp_factory.linear import length
 from grasp_factory.sections import (
     MAX_STRETCH,
     MAX_TRANSFER_S,
@@ -69,7 +69,10 @@ def plan_motion(
     the velocity limits.
     """
     paths = [_GraspPath(chain, home, grasp, motion) for grasp in grasps]
-    nearest = [(path, path.nearest) for path in paths if path.nearest.success]
+    if not paths:
+        return None
+    postures = solve_each(chain, np.stack([path.T_pregrasp for path in paths]), home)
+    nearest = [pair for pair in zip(paths, postures, strict=True) if pair[1].success]
     nearest.sort(key=lambda pair: pair[0].transfer_s(pair[1].joint_positions))
     for path, posture in nearest:
         found = path.through(posture.joint_positions)
@@ -90,8 +93,9 @@ def sample(segment: JointSegment, hz: int, control_hz: int) -> Trajectory:
     """
     steps = math.ceil(segment.duration * control_hz) * (hz // control_hz)
     tau = np.arange(1, steps + 1) / steps
-    s = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
-    ds_dt = 30.0 * tau**2 * (1.0 - tau) ** 2 / (steps / hz)
+    left = tau * (1.0 - tau)
+    s = tau * tau * tau * (10.0 - 15.0 * tau + 6.0 * tau * tau)
+    ds_dt = 30.0 * left * left / (steps / hz)
     q, dq_ds = _interpolate(segment.waypoints, s)
     return Trajectory(q, dq_ds * ds_dt[:, None])
 
@@ -108,11 +112,6 @@ class _GraspPath:
         self.T_pregrasp[:3, 3] -= motion.pregrasp_distance * T_grasp[:3, 2]
         self._T_lifted = T_grasp.copy()
         self._T_lifted[2, 3] += motion.lift_height
-
-    @cached_property
-    def nearest(self) -> IKResult:
-        """The posture at the pregrasp that is found from home."""
-        return solve_ik(self._chain, self.T_pregrasp, self._home)
 
     def transfer_s(self, pregrasp: Array) -> float:
         """Return the seconds from home to a posture (J,)."""
@@ -137,7 +136,7 @@ class _GraspPath:
     ) -> JointSegment | None:
         """Return the segment along a straight line without turning, or None when it cannot be."""
         way = T_end[:3, 3] - T_start[:3, 3]
-        steps = max(2, math.ceil(float(np.linalg.norm(way)) / WAYPOINT_SPACING))
+        steps = max(2, math.ceil(length(way) / WAYPOINT_SPACING))
         T_path = np.tile(T_start, (steps, 1, 1))
         T_path[:, :3, 3] += np.arange(1, steps + 1)[:, None] / steps * way
         path = track_path(self._chain, T_path, start)

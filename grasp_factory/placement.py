@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from grasp_factory.elementary import normal, sincos
 from grasp_factory.geometry import Array, Pose, quat_xyzw_to_matrix
+from grasp_factory.linear import norm, turned
 from grasp_factory.sections import WorkspaceConfig
 
 GAP = 0.01
@@ -79,7 +81,8 @@ def place_around(
         quat, height = _draw_quat(rng), rng.uniform(*workspace.drop_height)
         angles = rng.uniform(0.0, 2.0 * np.pi, TRIES)
         ways = radius * np.sqrt(rng.uniform(0.0, 1.0, TRIES))
-        spots = middle + ways[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        sines, cosines = sincos(angles)
+        spots = middle + ways[:, None] * np.column_stack([cosines, sines])
         hung = [
             _hang(corners, quat, spot, height).raised_above(placed)
             for spot in np.clip(spots, low, high)
@@ -90,8 +93,8 @@ def place_around(
 
 def _hang(corners: Array, quat: Array, middle: Array, height: float) -> Placed:
     """Return an object whose bounding box is ``height`` above the table, around ``middle`` (2,)."""
-    turned = corners @ quat_xyzw_to_matrix(quat).T
-    low, high = turned.min(axis=0), turned.max(axis=0)
+    around = turned(quat_xyzw_to_matrix(quat), corners)
+    low, high = around.min(axis=0), around.max(axis=0)
     x, y = middle - (low[:2] + high[:2]) / 2.0
     position = np.array([x, y, height - low[2]])
     qx, qy, qz, qw = (float(q) for q in quat)
@@ -100,5 +103,5 @@ def _hang(corners: Array, quat: Array, middle: Array, height: float) -> Placed:
 
 
 def _draw_quat(rng: np.random.Generator) -> Array:
-    quat = rng.normal(size=4)
-    return np.asarray(quat / np.linalg.norm(quat))
+    quat = normal(rng, 4)
+    return np.asarray(quat / norm(quat))

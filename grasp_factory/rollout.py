@@ -32,8 +32,10 @@ from grasp_factory.scene import Scene, Shot, build_scene, object_poses, observe,
 from grasp_factory.schema import FIELDS
 from grasp_factory.world import World
 
-HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
-"""About the approach axis: for a parallel gripper it is the same grasp with the fingers swapped."""
+HALF_TURN = np.array([-1.0, -1.0, 1.0, 1.0])
+"""Factors of a pose's columns that turn it half around about its approach axis.
+
+For a parallel gripper it is the same grasp with the fingers swapped."""
 
 
 def run_episode(world: World, spec: EpisodeSpec) -> Episode:
@@ -107,7 +109,7 @@ def choose(scene: Scene, plan: GraspPlan) -> tuple[Grasp | None, GraspMotion | N
     robot = scene.robot
     home = np.array(robot.model.home)
     for grasp in plan.grasps:
-        turned = dataclasses.replace(grasp, T_world_tcp=grasp.T_world_tcp @ HALF_TURN)
+        turned = dataclasses.replace(grasp, T_world_tcp=grasp.T_world_tcp * HALF_TURN)
         found = plan_motion(robot.chain, home, (grasp, turned), scene.spec.motion)
         if found is not None:
             return found

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import Camera
+from grasp_factory.elementary import arccos
 from grasp_factory.episode import CameraImage, EpisodeSpec, ObjectSpec, SceneView
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.geometry import Array
 from grasp_factory.labels import FELL_OFF
+from grasp_factory.linear import norm
 from grasp_factory.objects import UrdfFile, find_set
 from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS, Robot
@@ -229,6 +231,6 @@ def _poses(scene: Scene) -> Array:
 
 def _are_close(before: Array, after: Array) -> NDArray[np.bool_]:
     """Return which objects have not moved or turned more than one at rest may."""
-    way = np.linalg.norm(after[:, :3] - before[:, :3], axis=1)
+    way = norm(after[:, :3] - before[:, :3])
     half_cosine = np.abs((before[:, 3:] * after[:, 3:]).sum(axis=1)).clip(max=1.0)
-    return np.asarray((way < SETTLED_WAY) & (2 * np.arccos(half_cosine) < SETTLED_TURN))
+    return np.asarray((way < SETTLED_WAY) & (2 * arccos(half_cosine) < SETTLED_TURN))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -80,7 +79,7 @@ class CameraConfig:
             view[2] * self.up[0] - view[0] * self.up[2],
             view[0] * self.up[1] - view[1] * self.up[0],
         ]
-        check(math.hypot(*cross) > 1e-6, "up", self.up, "not parallel to target - eye")
+        check(sum(v * v for v in cross) > 1e-12, "up", self.up, "not parallel to target - eye")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

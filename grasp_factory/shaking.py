@@ -6,10 +6,15 @@ import math
 
 import numpy as np
 
+from grasp_factory.elementary import sincos
 from grasp_factory.geometry import Array
 from grasp_factory.kinematics import Chain
+from grasp_factory.linear import product, solve_definite
 from grasp_factory.motion import Trajectory
 from grasp_factory.sections import SHORTEST_CYCLE, STANDARD_GRAVITY, ShakeConfig
+
+_DAMPING = 1e-10
+"""Of the inverse Jacobian, as in ``ik``: it bounds the joints where the arm is singular."""
 
 
 def plan_shake(
@@ -29,13 +34,14 @@ def plan_shake(
         rates: Physics and control rate, Hz.
     """
     T, J = chain.fk_and_jacobian(posture)
+    A = product(J, J.T) + _DAMPING * np.eye(6)
     acceleration = level * STANDARD_GRAVITY
     twists = np.zeros((4, 6))
     twists[:3, :3] = acceleration * np.eye(3)
     twists[3, 3:] = acceleration / shake.lever * T[:3, 2]
     motions = []
     for twist in twists:
-        joints = np.linalg.pinv(J) @ twist  # joint accelerations at the peak, rad/s2
+        joints = (J * solve_definite(A, twist)[:, None]).sum(axis=0)  # rad/s2, at the peak
         fastest = float((np.abs(joints) / chain.velocity_limits).max()) * _PEAK_SPEED
         seconds = min(shake.cycle_s, 1.0 / fastest)
         motions.append(_pulse(posture, joints, seconds, rates))
@@ -51,7 +57,7 @@ def _pulse(posture: Array, joints: Array, seconds: float, rates: tuple[int, int]
     steps = max(SHORTEST_CYCLE, math.floor(seconds * control_hz)) * (hz // control_hz)
     duration = steps / hz
     position, speed = _shape(np.arange(1, steps + 1) / steps)
-    amplitude = joints * duration**2 / _PEAK
+    amplitude = joints * (duration * duration / _PEAK)
     return Trajectory(
         posture + position[:, None] * amplitude, speed[:, None] * amplitude / duration
     )
@@ -62,10 +68,10 @@ def _shape(tau: Array) -> tuple[Array, Array]:
 
     It starts and ends at rest, and accelerates both ways alike.
     """
-    w = np.pi * tau
-    position = np.sin(2 * w) * np.sin(w) ** 2
-    speed = np.pi * (2 * np.cos(2 * w) * np.sin(w) ** 2 + np.sin(2 * w) ** 2)
-    return position, speed
+    (sine, _), (sine_of_twice, cosine_of_twice) = sincos(np.pi * tau), sincos(2.0 * np.pi * tau)
+    square = sine * sine
+    speed = np.pi * (2.0 * cosine_of_twice * square + sine_of_twice * sine_of_twice)
+    return sine_of_twice * square, speed
 
 
 _FINE = np.linspace(0.0, 1.0, 10_001)

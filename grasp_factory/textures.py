@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.elementary import sincos
 from grasp_factory.errors import lookup
 from grasp_factory.geometry import Array
 
@@ -47,14 +48,14 @@ def _checker(rng: np.random.Generator) -> Array:
 
 def _stripes(rng: np.random.Generator) -> Array:
     along, across = rng.integers(1, 10, 2)
-    wave = np.sin(2.0 * np.pi * (along * _U + across * _V * rng.integers(0, 2)))
+    wave, _ = sincos(2.0 * np.pi * (along * _U + across * _V * rng.integers(0, 2)))
     return np.asarray(np.clip(0.5 + rng.uniform(1.0, 8.0) * wave, 0.0, 1.0))
 
 
 def _dots(rng: np.random.Generator) -> Array:
     tiles, radius = int(rng.integers(3, 11)), rng.uniform(0.15, 0.45)
     u, v = _U * tiles % 1.0 - 0.5, _V * tiles % 1.0 - 0.5
-    return np.asarray(np.hypot(u, v) < radius, np.float64)
+    return np.asarray(u * u + v * v < radius * radius, np.float64)
 
 
 def _bricks(rng: np.random.Generator) -> Array:
@@ -69,7 +70,7 @@ def _bricks(rng: np.random.Generator) -> Array:
 def _cloud(rng: np.random.Generator) -> Array:
     """Value noise of several octaves (Perlin's sum), smoothly repeated at the edges."""
     coarsest = int(rng.integers(2, 5))
-    whole = sum(_octave(rng, coarsest * 2**k) / 2**k for k in range(5))
+    whole = sum(_octave(rng, coarsest << k) / (1 << k) for k in range(5))
     assert isinstance(whole, np.ndarray)
     return _spread(whole)
 
@@ -84,13 +85,14 @@ def _wood(rng: np.random.Generator) -> Array:
 def _marble(rng: np.random.Generator) -> Array:
     veins = rng.integers(2, 6)
     turbulence = _cloud(rng)
-    return np.asarray(np.sqrt(np.abs(np.sin(np.pi * (veins * (_U + _V) + 2.5 * turbulence)))))
+    wave, _ = sincos(np.pi * (veins * (_U + _V) + 2.5 * turbulence))
+    return np.asarray(np.sqrt(np.abs(wave)))
 
 
 def _speckle(rng: np.random.Generator) -> Array:
-    cells = int(2 ** rng.integers(4, 8))
+    cells = 1 << int(rng.integers(4, 8))
     spots = rng.random((cells, cells)) > rng.uniform(0.1, 0.5)
-    return np.asarray(np.kron(spots, np.ones((SIDE // cells, SIDE // cells))), np.float64)
+    return spots.repeat(SIDE // cells, axis=0).repeat(SIDE // cells, axis=1).astype(np.float64)
 
 
 def _octave(rng: np.random.Generator, cells: int) -> Array:

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from grasp_factory.camera import Light
+from grasp_factory.elementary import exp, log, sincos
 from grasp_factory.geometry import look_at, rotation_about
+from grasp_factory.linear import turned
 from grasp_factory.looks import Color, SurfaceLook, Surroundings
 from grasp_factory.randomize import (
     BodyRange,
@@ -42,7 +44,7 @@ class BodyDraw:
 def draw_body(ranges: BodyRange, rng: np.random.Generator) -> BodyDraw:
     """Draw one object's body; factors are uniform in their logarithm."""
     scale, mass, friction = (
-        math.exp(rng.uniform(math.log(low), math.log(high)))
+        float(exp(rng.uniform(log(low), log(high))))
         for low, high in (ranges.scale, ranges.mass, ranges.friction)
     )
     linear, angular = (
@@ -71,17 +73,13 @@ def draw_surroundings(looks: LooksConfig, rng: np.random.Generator) -> Surroundi
     floor = _surface(own.floor, looks.floor_color, looks.floor_texture, rng)
     azimuth = math.radians(rng.uniform(*looks.light_azimuth_deg))
     elevation = math.radians(rng.uniform(*looks.light_elevation_deg))
-    across = math.cos(elevation)
+    (up, across), (y, x) = sincos(elevation), sincos(azimuth)
     hue, saturation = rng.uniform(*looks.light_hue), rng.uniform(*looks.light_saturation)
     ambient, diffuse, specular = (
         float(rng.uniform(*ends)) for ends in (looks.ambient, looks.diffuse, looks.specular)
     )
     light = Light(
-        direction=(
-            across * math.cos(azimuth),
-            across * math.sin(azimuth),
-            math.sin(elevation),
-        ),
+        direction=(float(across * x), float(across * y), float(up)),
         color=colorsys.hsv_to_rgb(hue, saturation, 1.0),
         ambient=ambient,
         diffuse=diffuse,
@@ -117,7 +115,7 @@ def _moved(jitter: CameraJitter, camera: CameraConfig, rng: np.random.Generator)
     if jitter == CameraJitter():
         return camera  # as it was, to the last bit
     forward = look_at(eye, target, camera.up)[:3, 2]
-    up = rotation_about(forward, roll) @ np.array(camera.up)
+    up = turned(rotation_about(forward, roll), np.array(camera.up))
     return dataclasses.replace(
         camera,
         eye=tuple(eye.tolist()),

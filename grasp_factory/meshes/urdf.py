@@ -9,8 +9,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from grasp_factory.elementary import LARGEST_ANGLE
 from grasp_factory.errors import shown
-from grasp_factory.geometry import Array, Pose, apply, rotation_about, transform
+from grasp_factory.geometry import Array, Pose, apply, rotation_of_rpy, transform
 from grasp_factory.meshes.base import UnusableError
 from grasp_factory.meshes.job import Shape
 from grasp_factory.meshes.listing import suffix
@@ -216,10 +217,12 @@ def _origin(element: Element) -> Array:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
-    roll, pitch, yaw = _numbers(origin, "rpy", "0 0 0")
-    x, y, z = np.eye(3)
-    R = rotation_about(z, yaw) @ rotation_about(y, pitch) @ rotation_about(x, roll)
-    return transform(R, _numbers(origin, "xyz", "0 0 0"))
+    rpy = _numbers(origin, "rpy", "0 0 0")
+    if max(map(abs, rpy)) > LARGEST_ANGLE:
+        raise UnusableError(
+            f"it has an origin with rpy {rpy}: valid: {LARGEST_ANGLE:g} rad at most"
+        )
+    return transform(rotation_of_rpy(rpy), _numbers(origin, "xyz", "0 0 0"))
 
 
 def _child(element: Element, tag: str) -> Element:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.crops import CropShape
+from grasp_factory.elementary import exp
 from grasp_factory.geometry import Array
 from grasp_factory.networks.inputs import KINDS, Inputs, TouchWindow, mirrored, take
 
@@ -20,7 +22,14 @@ if TYPE_CHECKING:
 
 CHUNK = 64
 """Grasps that go through the network together. Kernels are chosen by the shape, and with them the
-last bits; so a chunk is always full, and a grasp's probability does not hang on the others."""
+last bits; so a chunk is always full, and a grasp's probability does not depend on the others."""
+EXACT_CHUNK = 4
+"""The same in double precision, which few grasps need and which takes four times as long."""
+STEP = 0.01
+"""Of log odds: grasps that are closer count as equally good."""
+UNSURE = 2e-5
+"""Single precision's error of 1 + the size of a network's answer, at most: ten times what was found
+between double precision and the kernels of any processor (docs/physics.md)."""
 SYMMETRIES = ((False, False), (True, False), (False, True), (True, True))
 """Mirrorings, along x and y, over which the answer is averaged."""
 
@@ -34,7 +43,7 @@ class GraspModel:
     crop: CropShape
     touch: TouchWindow
     network: GraspNet
-    """In evaluation mode."""
+    """In evaluation mode; in double precision when it was loaded from a file."""
     slope: float = 1.0
     offset: float = 0.0
     """The logit is ``slope`` times the network's answer plus ``offset``: calibration, after Platt
@@ -51,32 +60,7 @@ class GraspModel:
 
     def raw_logits(self, inputs: Inputs) -> Array:
         """Return the network's own answers (K,), averaged over the symmetries."""
-        import torch
-
-        used = {name: inputs[name] for name in self.uses}
-        count = len(next(iter(used.values())))
-        out = np.zeros(count)
-        threads = torch.get_num_threads()
-        torch.set_num_threads(1)  # sums of several threads differ in their last bits
-        try:
-            with torch.inference_mode():
-                for start in range(0, count, CHUNK):
-                    chunk = take(used, slice(start, start + CHUNK))
-                    out[start : start + CHUNK] = self._chunk(chunk, min(CHUNK, count - start))
-        finally:
-            torch.set_num_threads(threads)
-        return out
-
-    def _chunk(self, inputs: Inputs, count: int) -> Array:
-        import torch
-
-        full = {name: _padded(values) for name, values in inputs.items()}
-        total = np.zeros(CHUNK)
-        for x, y in SYMMETRIES:
-            seen = mirrored(full, np.full(CHUNK, x), np.full(CHUNK, y))
-            tensors = {n: torch.from_numpy(np.ascontiguousarray(v)) for n, v in seen.items()}
-            total += self.network(tensors).numpy().astype(np.float64)
-        return np.asarray(total[:count] / len(SYMMETRIES))
+        return _answers(self.network, {name: inputs[name] for name in self.uses}, CHUNK)
 
     def predict(self, inputs: Inputs) -> Array:
         """Return the probability (K,) that each grasp holds.
@@ -85,9 +69,62 @@ class GraspModel:
             inputs: What it ``uses``; more is left alone.
         """
         logits = self.slope * self.raw_logits(inputs) + self.offset
-        return np.asarray(0.5 + 0.5 * np.tanh(0.5 * logits))  # exp would overflow
+        small = exp(-np.abs(logits))  # exp of the logits would overflow
+        return np.asarray(np.where(logits < 0.0, small, 1.0) / (1.0 + small))
+
+    def log_odds(self, inputs: Inputs) -> Array:
+        """Return the logarithm of the odds (K,) that each grasp holds, in steps of ``STEP``.
+
+        They are the same on all processors, whose kernels differ in the last bits: an answer so
+        near the middle between two steps that single precision cannot tell which is nearer is
+        worked out in double precision.
+        """
+        raw = self.raw_logits(inputs)
+        odds = self.slope * raw + self.offset
+        steps = odds / STEP
+        from_middle = np.abs(np.abs(steps - np.rint(steps)) - 0.5) * STEP
+        unsure = from_middle < abs(self.slope) * UNSURE * (1.0 + np.abs(raw))
+        if unsure.any():
+            used = {name: inputs[name][unsure] for name in self.uses}
+            exact = _answers(copy.deepcopy(self.network).double(), used, EXACT_CHUNK)
+            steps[unsure] = (self.slope * exact + self.offset) / STEP
+        return np.rint(steps) * STEP
 
 
-def _padded(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    missing = CHUNK - len(values)
+def _answers(network: GraspNet, inputs: Inputs, size: int) -> Array:
+    """Return a network's answers (K,), ``size`` grasps at a time."""
+    import torch
+
+    count = len(next(iter(inputs.values())))
+    out = np.zeros(count)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # sums of several threads differ in their last bits
+    try:
+        with torch.inference_mode():
+            for start in range(0, count, size):
+                chunk = take(inputs, slice(start, start + size))
+                out[start : start + size] = _chunk(network, chunk, size)[: count - start]
+    finally:
+        torch.set_num_threads(threads)
+    return out
+
+
+def _chunk(network: GraspNet, inputs: Inputs, size: int) -> Array:
+    import torch
+
+    precision = next(network.parameters()).dtype
+    full = {name: _padded(values, size) for name, values in inputs.items()}
+    total = np.zeros(size)
+    for x, y in SYMMETRIES:
+        seen = mirrored(full, np.full(size, x), np.full(size, y))
+        tensors = {
+            name: torch.from_numpy(np.ascontiguousarray(values)).to(precision)
+            for name, values in seen.items()
+        }
+        total += network(tensors).numpy().astype(np.float64)
+    return total / len(SYMMETRIES)
+
+
+def _padded(values: NDArray[np.float32], size: int) -> NDArray[np.float32]:
+    missing = size - len(values)
     return np.concatenate([values, np.zeros((missing, *values.shape[1:]), np.float32)])

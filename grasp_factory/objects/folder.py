@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -75,7 +74,7 @@ class Geometry:
         pairs = zip(self.lower, self.upper, strict=True)
         check(all(low < high for low, high in pairs), "upper", self.upper, "more than lower")
         _check_unit("axes_xyzw", self.axes_xyzw)
-        ok = all(0.0 < square <= MAX_REACH**2 for square in self.gyration_squared)
+        ok = all(0.0 < square <= MAX_REACH * MAX_REACH for square in self.gyration_squared)
         check(ok, "gyration_squared", self.gyration_squared, "above 0")
         for key in ("collision", "visual"):
             got = getattr(self, key)
@@ -227,7 +226,7 @@ def _check_reach(key: str, point: Vector3) -> None:
 
 
 def _check_unit(key: str, quaternion: Quaternion) -> None:
-    ok = abs(math.hypot(*quaternion) - 1.0) < 1e-6
+    ok = abs(sum(v * v for v in quaternion) - 1.0) < 2e-6
     check(ok, key, quaternion, "a unit quaternion")
 
 

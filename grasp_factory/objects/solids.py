@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from grasp_factory.geometry import Array, Pose, apply, quat_xyzw_to_matrix, transform
+from grasp_factory.linear import determinant, length, norm, product, turned
 from grasp_factory.objects.base import Compound, Part, Vector3
 from grasp_factory.objects.obj_file import triangles
 
@@ -38,11 +39,12 @@ class Moments:
 
     def mapped(self, A: Array, t: Array) -> Moments:
         """Return the moments of the solid moved by x -> A x + t, where det A > 0."""
-        stretch = float(np.linalg.det(A))
-        first = stretch * (A @ self.first)
+        stretch = float(determinant(A))
+        first = stretch * turned(A, self.first)
         volume = stretch * self.volume
-        mixed = np.outer(first, t)
-        second = stretch * (A @ self.second @ A.T) + mixed + mixed.T + volume * np.outer(t, t)
+        mixed = _outer(first, t)
+        second = stretch * product(product(A, self.second), A.T)
+        second = second + mixed + mixed.T + volume * _outer(t, t)
         return Moments(volume, first + volume * t, second)
 
 
@@ -64,12 +66,18 @@ def polyhedron(faces: Array) -> Moments:
     integrals of F. Tonon, "Explicit exact formulas for the 3-D tetrahedron inertia tensor in
     terms of its vertex coordinates", J. Math. Stat. 1 (2005) 8-11.
     """
-    volumes = np.linalg.det(faces) / 6.0
+    volumes = determinant(faces) / 6.0
     sums = faces.sum(axis=1)
-    outer = np.einsum("nki,nkj->nij", faces, faces) + np.einsum("ni,nj->nij", sums, sums)
+    outer = product(np.swapaxes(faces, -1, -2), faces) + _outer(sums, sums)
     return Moments(
-        float(volumes.sum()), volumes @ sums / 4.0, np.einsum("n,nij->ij", volumes, outer) / 20.0
+        float(volumes.sum()),
+        (volumes[:, None] * sums).sum(axis=0) / 4.0,
+        (volumes[:, None, None] * outer).sum(axis=0) / 20.0,
     )
+
+
+def _outer(a: Array, b: Array) -> Array:
+    return a[..., :, None] * b[..., None, :]
 
 
 def moments(parts: Sequence[Part]) -> Moments:
@@ -103,7 +111,7 @@ def _capsule(size: Vector3) -> Moments:
     r, h = size[0] / 2.0, size[2] - size[0]
     tube = CYLINDER.mapped(np.diag([2.0 * r, 2.0 * r, h]), np.zeros(3)) if h > 0.0 else None
     caps = BALL.mapped(np.diag([2.0 * r] * 3), np.zeros(3))
-    apart = caps.volume * (h**2 / 4.0 + h * 3.0 / 8.0 * r)
+    apart = caps.volume * (h * h / 4.0 + h * 3.0 / 8.0 * r)
     volume, second = caps.volume, caps.second + np.diag([0.0, 0.0, apart])
     if tube:
         volume, second = volume + tube.volume, second + tube.second
@@ -119,7 +127,7 @@ def compound(parts: tuple[Part, ...]) -> tuple[Compound, float]:
     """Return a body of parts that do not overlap, and its volume in m3."""
     whole = moments(parts)
     com = whole.first / whole.volume
-    R, squares = principal_axes(whole.second / whole.volume - np.outer(com, com))
+    R, squares = principal_axes(whole.second / whole.volume - _outer(com, com))
     x, y, z = (float(square) for square in squares)
     body = Compound(
         parts=parts,
@@ -145,13 +153,13 @@ def principal_axes(covariance: Array) -> tuple[Array, Array]:
             if abs(D[i, j]) <= limit:
                 continue
             theta = (D[j, j] - D[i, i]) / (2.0 * D[i, j])
-            tangent = math.copysign(1.0, theta) / (abs(theta) + math.hypot(theta, 1.0))
-            cosine = 1.0 / math.hypot(tangent, 1.0)
+            tangent = math.copysign(1.0, theta) / (abs(theta) + length((theta, 1.0)))
+            cosine = 1.0 / length((tangent, 1.0))
             turn = np.eye(3)
             turn[i, i] = turn[j, j] = cosine
             turn[i, j], turn[j, i] = tangent * cosine, -tangent * cosine
-            D = turn.T @ D @ turn
-            R = R @ turn
+            D = product(product(turn.T, D), turn)
+            R = product(R, turn)
     return R, np.diag(D)
 
 
@@ -167,13 +175,13 @@ def _part_bounds(part: Part) -> Array:
     T, half = part.pose.matrix(), np.array(part.size) / 2.0
     R, middle = T[:3, :3], T[:3, 3]
     if part.shape == "box":
-        reach = np.abs(R) @ half
+        reach = turned(np.abs(R), half)
     elif part.shape == "sphere":
         reach = half
     elif part.shape == "capsule":
         reach = half[0] + (half[2] - half[0]) * np.abs(R[:, 2])
     elif part.shape == "cylinder":
-        reach = half[0] * np.hypot(R[:, 0], R[:, 1]) + half[2] * np.abs(R[:, 2])
+        reach = half[0] * norm(R[:, :2]) + half[2] * np.abs(R[:, 2])
     else:
         corners = apply(T, _mesh_vertices(part.shape) * part.size)
         return np.array([corners.min(axis=0), corners.max(axis=0)])

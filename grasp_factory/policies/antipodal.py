@@ -9,8 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from grasp_factory.elementary import arccos, arctan2, sincos
 from grasp_factory.episode import Grasp, GraspPlan, SceneView
 from grasp_factory.geometry import Array, apply, inverse, rotation_about, transform
+from grasp_factory.linear import length, norm, turned
 from grasp_factory.policies.base import Policy
 from grasp_factory.policies.clearance import is_hit, off_the_table, open_gripper
 from grasp_factory.policies.closing import Grip, close_on
@@ -116,8 +118,9 @@ class _Scene:
     def grasps(self) -> Iterator[Grasp]:
         """Yield one grasp for each pair of contacts that the open gripper can get at."""
         settings, tilt = self.settings, math.radians(self.settings.tilt_deg)
-        steepest = min(math.pi / 2.0, math.atan(settings.friction) + tilt)
-        steep = self.seen.where(np.abs(self.seen.normals[:, 2]) <= math.sin(steepest))
+        steepest = min(math.pi / 2.0, float(arctan2(settings.friction, 1.0)) + tilt)
+        steep = self.seen.where(np.abs(self.seen.normals[:, 2]) <= sincos(steepest)[0])
+        upright = float(sincos(tilt)[1])
         pairs = antipodal_pairs(
             joined([steep.thinned(CONTACTS), self.walls.thinned(CONTACTS)]),
             aim=self._aim(),
@@ -127,7 +130,7 @@ class _Scene:
         )
         surface = joined([self.seen.thinned(SURFACE), self.walls.thinned(SURFACE)])
         for middle, closing in zip(pairs.middles[:PAIRS], pairs.axes[:PAIRS], strict=True):
-            widest = math.acos(min(1.0, math.cos(tilt) / math.hypot(closing[0], closing[1])))
+            widest = float(arccos(min(1.0, upright / length(closing[:2]))))
             tried = (self._grasp(surface, middle, closing, roll * widest) for roll in ROLLS)
             found = next((grasp for grasp in tried if grasp is not None), None)
             if found is not None:
@@ -148,13 +151,15 @@ class _Scene:
         friction cone, or when the open gripper does not fit around it.
         """
         gripper, settings = self.view.gripper, self.settings
-        down = np.array([closing[2] * closing[0], closing[2] * closing[1], closing[2] ** 2 - 1.0])
-        approach = rotation_about(closing, roll) @ (down / np.linalg.norm(down))
+        down = np.array(
+            [closing[2] * closing[0], closing[2] * closing[1], closing[2] * closing[2] - 1.0]
+        )
+        approach = turned(rotation_about(closing, roll), down / norm(down))
         R = np.column_stack([np.cross(closing, approach), closing, approach])
         T = transform(R, middle)
         T[:3, 3] += approach * (off_the_table(T, gripper, gripper.max_width) / approach[2])
         grip = close_on(surface, T, gripper)
-        if grip is None or grip.angle > math.atan(settings.friction):
+        if grip is None or grip.angle > arctan2(settings.friction, 1.0):
             return None
         if grip.span + 2.0 * settings.finger_clearance > gripper.max_width:
             return None
@@ -173,8 +178,8 @@ def log_odds(grip: Grip, centroid: Array, approach: Array) -> float:
         LOG_ODDS
         + PER_ANGLE * grip.angle
         + PER_SIZE * min(grip.size, LARGEST_SIZE)
-        + PER_DISTANCE * np.hypot(*(grip.middle - centroid)[:2])
-        + PER_TILT * math.acos(min(1.0, -approach[2]))
+        + PER_DISTANCE * length((grip.middle - centroid)[:2])
+        + PER_TILT * arccos(min(1.0, -approach[2]))
         + PER_SPAN * grip.span
     )
 

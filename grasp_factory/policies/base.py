@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.camera import deproject_pixels
+from grasp_factory.elementary import sincos
 from grasp_factory.episode import GraspPlan, SceneView
 from grasp_factory.errors import ConfigError
 from grasp_factory.geometry import Array, apply, transform
@@ -78,5 +79,19 @@ def visible_points(
 
 def looking_down(x: float, y: float, z: float, yaw: float) -> Array:
     """Return ``T_world_tcp`` (4, 4) that approaches straight down and closes along ``yaw``."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    return transform([[-s, c, 0.0], [c, s, 0.0], [0.0, 0.0, -1.0]], (x, y, z))
+    sine, cosine = sincos(yaw)
+    return transform(downward(np.array([cosine, sine])), (x, y, z))
+
+
+def downward(closing: Array) -> Array:
+    """Return the rotations (..., 3, 3) that approach straight down and close along ``closing``.
+
+    Args:
+        closing: Unit vectors (..., 2), seen from above.
+    """
+    R = np.zeros((*closing.shape[:-1], 3, 3))
+    cosine, sine = closing[..., 0], closing[..., 1]
+    R[..., 0, 0], R[..., 0, 1] = -sine, cosine
+    R[..., 1, 0], R[..., 1, 1] = cosine, sine
+    R[..., 2, 2] = -1.0
+    return R

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.elementary import sincos
 from grasp_factory.geometry import Array
 from grasp_factory.gripper import Gripper
-from grasp_factory.policies.base import TIP_CLEARANCE, looking_down
+from grasp_factory.policies.base import TIP_CLEARANCE, downward
 from grasp_factory.policies.top_down import grasp_height
 
 POINTS = 4000
@@ -58,9 +59,11 @@ class Candidates:
 
     def poses(self) -> Array:
         """Return ``T_world_tcp`` of each, (K, 4, 4)."""
-        rows = zip(self.tcp.tolist(), self.yaw.tolist(), strict=True)
-        poses = [looking_down(x, y, z, yaw) for (x, y, z), yaw in rows]
-        return np.array(poses).reshape(-1, 4, 4)
+        sine, cosine = sincos(self.yaw)
+        poses = np.zeros((len(self), 4, 4))
+        poses[:, :3, :3] = downward(np.column_stack([cosine, sine]))
+        poses[:, :3, 3], poses[:, 3, 3] = self.tcp, 1.0
+        return poses
 
     def take(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> Candidates:
         """Return those that rows or a mask choose."""
@@ -112,7 +115,8 @@ def draw_fitted(
     """
     yaw = rng.uniform(-np.pi / 2.0, np.pi / 2.0, size=count)
     offset = rng.uniform(-aim, aim, size=count)
-    closing = np.column_stack([np.cos(yaw), np.sin(yaw)])
+    sine, cosine = sincos(yaw)
+    closing = np.column_stack([cosine, sine])
     across = np.column_stack([-closing[:, 1], closing[:, 0]])
     x, y = (region.points[:, :2] - region.middle).T
     u, v = (way[:, :1] * x + way[:, 1:] * y for way in (closing, across))  # (K, N)

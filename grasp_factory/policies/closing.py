@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from grasp_factory.elementary import arccos
 from grasp_factory.geometry import Array, apply, inverse
 from grasp_factory.gripper import Gripper
+from grasp_factory.linear import norm, turned_back
 from grasp_factory.policies.surface import Surface
 
 PATCH_DEPTH = 0.003
@@ -37,7 +39,7 @@ def close_on(surface: Surface, T_world_tcp: Array, gripper: Gripper) -> Grip | N
     local = apply(inverse(T_world_tcp), surface.points)
     half_breadth, half_height = gripper.pad_size[0] / 2.0, gripper.pad_size[1] / 2.0
     between = (np.abs(local[:, 0]) < half_breadth) & (np.abs(local[:, 2]) < half_height)
-    points, normals = local[between], surface.normals[between] @ T_world_tcp[:3, :3]
+    points, normals = local[between], turned_back(T_world_tcp[:3, :3], surface.normals[between])
     left, right = _meet(points, normals, 1.0), _meet(points, normals, -1.0)
     if left is None or right is None:
         return None
@@ -71,7 +73,7 @@ def _meet(points: Array, normals: Array, side: float) -> _Patch | None:
     touched = y > foremost - PATCH_DEPTH
     points, normal = points[touched], normals[touched].mean(axis=0)
     breadth, height = points[:, [0, 2]].max(axis=0) - points[:, [0, 2]].min(axis=0) + POINT_SIZE
-    cosine = side * normal[1] / np.sqrt(normal @ normal)
+    cosine = side * normal[1] / norm(normal)
     return _Patch(
-        foremost, points.mean(axis=0), float(np.arccos(min(1.0, cosine))), float(breadth * height)
+        foremost, points.mean(axis=0), float(arccos(min(1.0, cosine))), float(breadth * height)
     )

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.elementary import arccos, arctan2, sincos
 from grasp_factory.geometry import Array
+from grasp_factory.linear import length, norm
 from grasp_factory.policies.surface import Surface
 
 CELL = 0.008
@@ -48,25 +50,40 @@ def antipodal_pairs(
     P, N = contacts.points, contacts.normals
     i, j = np.triu_indices(len(P), 1)
     way = P[j] - P[i]
-    level = np.hypot(way[:, 0], way[:, 1])
+    level = norm(way[:, :2])
     near = (level > SHORTEST) & (level < longest)
     i, j, way, level = i[near], j[near], way[near], level[near]
-    elevation = np.clip(np.arctan2(way[:, 2], level), -steepest, steepest)
-    axes = np.column_stack([way[:, :2] * (np.cos(elevation) / level)[:, None], np.sin(elevation)])
+    axes = _flattened(way, level, steepest)
     opposed = np.minimum(-(N[i] * axes).sum(axis=1), (N[j] * axes).sum(axis=1))
-    inside = opposed >= math.cos(math.atan(friction))
+    inside = opposed >= 1.0 / length((1.0, friction))
     i, j, axes, opposed = i[inside], j[inside], axes[inside], opposed[inside]
     middles = (P[i] + P[j]) / 2.0
     offsets = aim - middles
-    levers = np.linalg.norm(np.cross(offsets, axes), axis=1)
-    rank = np.arccos(np.minimum(opposed, 1.0)) + levers / LEVER_SCALE
+    levers = norm(np.cross(offsets, axes))
+    rank = arccos(np.minimum(opposed, 1.0)) + levers / LEVER_SCALE
     chosen = _one_of_each(middles, axes, np.argsort(rank, kind="stable"))
     return Pairs(middles[chosen], axes[chosen])
 
 
+def _flattened(way: Array, level: Array, steepest: float) -> Array:
+    """Return unit axes (K, 3) along ways, or at the elevation ``steepest`` where these are steeper.
+
+    Args:
+        way: (K, 3), not vertical.
+        level: The lengths of their horizontal parts, (K,).
+        steepest: Rad.
+    """
+    sine, cosine = (float(v) for v in sincos(steepest))
+    axes = way / norm(way)[:, None]
+    steep = np.abs(axes[:, 2]) > sine
+    axes[steep, :2] = way[steep, :2] * (cosine / level[steep])[:, None]
+    axes[steep, 2] = np.copysign(sine, way[steep, 2])
+    return axes
+
+
 def _one_of_each(middles: Array, axes: Array, order: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the first of each cell of similar pairs, in the given order."""
-    yaw = np.arctan2(axes[:, 1], axes[:, 0]) % math.pi
+    yaw = arctan2(axes[:, 1], axes[:, 0]) % math.pi
     cells = np.column_stack(
         [
             np.floor(middles / CELL),

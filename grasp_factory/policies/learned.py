@@ -24,8 +24,8 @@ PREFERENCES: Mapping[str, Callable[[Array], Array]] = {
     "random": np.zeros_like,
 }
 """From log odds (K,) to what the grasps are sorted by, ascending; ties stay as they were drawn."""
-SUREST = 1e-6
-"""A probability is taken to be at least so far from 0 and 1, so that its log odds are finite."""
+SUREST = 13.8
+"""Log odds are cut off here: a probability of one in a million is as good as none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,8 +109,7 @@ def _free(view: SceneView, found: Candidates) -> Candidates:
 def _log_odds(view: SceneView, found: Candidates, model: GraspModel) -> Array:
     """Return the logarithm of the odds that each grasp holds, (K,)."""
     inputs = grasp_inputs(view, found.poses(), found.width, model.crop)
-    holds = np.clip(model.predict(inputs), SUREST, 1.0 - SUREST)
-    return np.asarray(np.log(holds) - np.log1p(-holds))
+    return np.clip(model.log_odds(inputs), -SUREST, SUREST)
 
 
 LEARNED = Policy(

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from grasp_factory.elementary import normal
 from grasp_factory.episode import Grasp, GraspPlan, SceneView
 from grasp_factory.geometry import rotation_about
 from grasp_factory.gripper import Gripper
+from grasp_factory.linear import length, product
 from grasp_factory.policies.base import Policy, inner_settings
 from grasp_factory.policies.clearance import off_the_table
 from grasp_factory.policies.direct import DIRECT
@@ -59,11 +62,11 @@ def perturb(
 ) -> Grasp:
     """Return the grasp moved and turned about its TCP; its fingertips stay off the table."""
     T = grasp.T_world_tcp.copy()
-    T[:3, 3] += rng.normal(0.0, settings.position_sigma, size=3)
-    turn = np.radians(rng.normal(0.0, settings.rotation_sigma_deg, size=3))
-    angle = float(np.linalg.norm(turn))
+    T[:3, 3] += settings.position_sigma * normal(rng, 3)
+    turn = math.radians(settings.rotation_sigma_deg) * normal(rng, 3)
+    angle = length(turn)
     if angle > 0.0:
-        T[:3, :3] = T[:3, :3] @ rotation_about(turn / angle, angle)
+        T[:3, :3] = product(T[:3, :3], rotation_about(turn / angle, angle))
     T[2, 3] += off_the_table(T, gripper, grasp.width)
     return dataclasses.replace(grasp, T_world_tcp=T)
 

@@ -45,7 +45,8 @@ class Columns:
         """Return the middle of their volume, (3,) metres."""
         weights = self.tops + 1e-9  # flat as the table is an area at least
         weights /= weights.sum()
-        return np.array([*(weights @ self.xy), weights @ self.tops / 2.0])
+        x, y = (weights[:, None] * self.xy).sum(axis=0)
+        return np.array([x, y, (weights * self.tops).sum() / 2.0])
 
     def points(self) -> Array:
         """Return points (N, 3) that fill them, ``LEVEL`` apart, their tops among them."""

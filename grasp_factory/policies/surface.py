@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grasp_factory.camera import deproject
 from grasp_factory.episode import CameraImage, SceneView
 from grasp_factory.geometry import Array, apply
+from grasp_factory.linear import norm, turned, turned_back
 
 BASELINE = 2
 """Pixels to either side over which a surface is differentiated."""
@@ -130,12 +131,12 @@ def _seen(crop: _Crop) -> Surface:
         smooth &= crop.mask[one] & crop.mask[other] & (np.abs(bend) < BEND)
     points = P[inner][smooth]
     normals = np.cross((P[down] - P[up])[smooth], (P[right] - P[left])[smooth])
-    lengths = np.linalg.norm(normals, axis=1)
+    lengths = norm(normals)
     normals /= np.maximum(lengths, 1e-12)[:, None]
     normals *= -np.sign((normals * points).sum(axis=1))[:, None]  # towards the camera
     good = lengths > 0.0
     T = crop.T_world_camera
-    return Surface(apply(T, points[good]), normals[good] @ T[:3, :3].T)
+    return Surface(apply(T, points[good]), turned(T[:3, :3], normals[good]))
 
 
 def _outline(crop: _Crop) -> Surface:
@@ -151,10 +152,10 @@ def _outline(crop: _Crop) -> Surface:
     b, a = (-np.asarray(np.gradient(soft, axis=axis))[v, u] for axis in (0, 1))  # outwards
     T = crop.T_world_camera
     lines = np.stack([a, b, -(a * u + b * v)], axis=1)
-    normals = lines @ crop.intrinsics @ T[:3, :3].T
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+    normals = turned(T[:3, :3], turned_back(crop.intrinsics, lines))
+    normals /= np.maximum(norm(normals), 1e-12)[:, None]
     normals[:, 2] = 0.0
-    lengths = np.linalg.norm(normals, axis=1)
+    lengths = norm(normals)
     good = lengths > LEAST_SLOPE
     return Surface(apply(T, crop.points[v, u][good]), normals[good] / lengths[good, None])
 

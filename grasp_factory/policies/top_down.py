@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from grasp_factory.elementary import sincos
 from grasp_factory.episode import Grasp, GraspPlan, SceneView
-from grasp_factory.geometry import Array, apply, inverse
+from grasp_factory.geometry import Array, apply, inverse, transform
 from grasp_factory.gripper import Gripper
 from grasp_factory.policies.base import (
     TIP_CLEARANCE,
     Policy,
-    looking_down,
+    downward,
     target_points,
     visible_points,
 )
@@ -21,6 +22,8 @@ from grasp_factory.records import check_range
 
 YAWS = 24
 """Closing directions that are tried, 7.5 degrees apart over half a turn."""
+DIRECTIONS = np.column_stack(sincos(np.arange(YAWS) * np.pi / YAWS)[::-1])
+"""They as unit vectors seen from above, (24, 2)."""
 OFFSETS = (-0.02, -0.01, 0.0, 0.01, 0.02)
 """Metres from the target's middle, across the closing direction, at which it may be grasped."""
 RANKED = 8
@@ -60,7 +63,7 @@ def plan(view: SceneView, rng: np.random.Generator, settings: TopDownParameters)
     z = grasp_height(float(points[:, 2].max()), view.gripper)
     middle = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2.0
     outline = _Outline(points[:, :2] - middle, middle, z, view.gripper, settings)
-    grasps = [grasp for yaw in np.arange(YAWS) * np.pi / YAWS for grasp in outline.along(yaw)]
+    grasps = [grasp for direction in DIRECTIONS for grasp in outline.along(direction)]
     neighbors = visible_points(view, lambda labels: labels > view.target_label)[::THINNING]
     grasps.sort(key=lambda grasp: (_meets(grasp, view.gripper, neighbors), -grasp.score))
     return GraspPlan(grasps=tuple(grasps[:RANKED]))
@@ -96,11 +99,13 @@ class _Outline:
     gripper: Gripper
     settings: TopDownParameters
 
-    def along(self, yaw: float) -> list[Grasp]:
-        """Return the grasps that close along one direction."""
-        closing = np.array([np.cos(yaw), np.sin(yaw)])
-        across = np.array([-closing[1], closing[0]])
-        u, v = self.points @ closing, self.points @ across
+    def along(self, closing: Array) -> list[Grasp]:
+        """Return the grasps that close along one direction, (2,)."""
+        cosine, sine = closing
+        across = np.array([-sine, cosine])
+        x, y = self.points[:, 0], self.points[:, 1]
+        u, v = cosine * x + sine * y, cosine * y - sine * x
+        R = downward(closing)
         half_strip = self.gripper.pad_size[0] / 2.0 + self.settings.finger_clearance
         grasps = []
         for offset in OFFSETS:
@@ -115,7 +120,7 @@ class _Outline:
             overshoot = max(0.0, needed - self.gripper.max_width)
             grasps.append(
                 Grasp(
-                    T_world_tcp=looking_down(x, y, self.z, yaw),
+                    T_world_tcp=transform(R, (x, y, self.z)),
                     width=min(span + 2.0 * self.settings.opening_margin, self.gripper.max_width),
                     score=-span - abs(center) - abs(offset) - 10.0 * overshoot,
                 )

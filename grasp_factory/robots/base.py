@@ -14,6 +14,7 @@ import numpy as np
 from grasp_factory.geometry import IDENTITY, Array, Pose, transform
 from grasp_factory.gripper import Gripper
 from grasp_factory.kinematics import Chain, carrier
+from grasp_factory.linear import product
 from grasp_factory.world import DATA, Row, World
 
 TRACKING_BANDWIDTH = 48.0
@@ -182,7 +183,7 @@ class Robot:
     def T_world_tcp(self) -> Array:
         """Return the measured TCP pose (4, 4)."""
         position, quat = self._world.link_frames(self.body, [self.hand])[0]
-        return np.asarray(Pose(position, quat).matrix() @ self.T_hand_tcp)
+        return product(Pose(position, quat).matrix(), self.T_hand_tcp)
 
     def pad_offsets(self) -> Array:
         """Return ``T_link_pad`` of both pads, (2, 4, 4): left, right."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, quat_xyzw_to_matrix
+from grasp_factory.linear import turned
 from grasp_factory.robots import Robot
 from grasp_factory.sensors.base import Sensor, Tick
 
@@ -22,32 +23,31 @@ class Encoders(Sensor):
 
     def sample(self, tick: Tick) -> None:
         """Keep the joints' states and the hand's frame."""
-        for position, velocity, _, torque in tick.joints[:-1]:
-            self._joints.extend((position, velocity, torque))
-        for part in tick.frames[0]:
-            self._hand.extend(part)
-        self._targets.extend(tick.joint_position_targets)
-        self._targets.append(tick.gripper_width_target)
+        positions, velocities, _, torques = zip(*tick.joints[:-1], strict=True)
+        self._joints.extend((*positions, *velocities, *torques))
+        position, quat = tick.frames[0]
+        self._hand.extend((*position, *quat))
+        self._targets.extend((*tick.joint_position_targets, tick.gripper_width_target))
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return the joint, gripper and TCP streams."""
         n = len(self._robot.arm)
-        joints = np.array(self._joints, np.float32).reshape(-1, n + 2, 3)
+        joints = np.array(self._joints, np.float32).reshape(-1, 3, n + 2)
         targets = np.array(self._targets, np.float32).reshape(-1, n + 1)
         return {
-            "joint_positions": joints[:, :n, 0],
-            "joint_velocities": joints[:, :n, 1],
-            "joint_torques": joints[:, :n, 2],
+            "joint_positions": joints[:, 0, :n],
+            "joint_velocities": joints[:, 1, :n],
+            "joint_torques": joints[:, 2, :n],
             "joint_position_targets": targets[:, :n],
-            "gripper_width": joints[:, n:, 0].sum(axis=1),
+            "gripper_width": joints[:, 0, n:].sum(axis=1),
             "gripper_width_target": targets[:, n],
             # The motors push towards smaller joint values to close.
-            "gripper_force": -joints[:, n:, 2].mean(axis=1),
+            "gripper_force": -joints[:, 2, n:].mean(axis=1),
             "tcp_pose": self._tcp_poses().astype(np.float32),
         }
 
     def _tcp_poses(self) -> Array:
         """Return the TCP's poses (samples, 7), whose axes are the hand's."""
         poses = np.array(self._hand, np.float64).reshape(-1, 7)
-        poses[:, :3] += quat_xyzw_to_matrix(poses[:, 3:]) @ self._robot.T_hand_tcp[:3, 3]
+        poses[:, :3] += turned(quat_xyzw_to_matrix(poses[:, 3:]), self._robot.T_hand_tcp[:3, 3])
         return poses

@@ -7,6 +7,7 @@ to that), at a tenth of the time.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from grasp_factory.camera import Camera, Intrinsics, Light, zbuffer_to_depth
 from grasp_factory.episode import CameraImage
 from grasp_factory.geometry import Array, look_at
+from grasp_factory.linear import product
 from grasp_factory.outcome import Label
 from grasp_factory.renderer import Renderer
 from grasp_factory.sections import CameraConfig
@@ -86,10 +88,10 @@ def make_camera(
         T_world_mount: Pose (4, 4) of what it is fixed to; None for the world itself.
     """
     width, height = resolution
-    intrinsics = Intrinsics.from_fov(width, height, np.radians(config.fov_y_deg), renderer)
+    intrinsics = Intrinsics.from_fov(width, height, math.radians(config.fov_y_deg), renderer)
     T_world_camera = look_at(config.eye, config.target, config.up)
     if T_world_mount is not None:
-        T_world_camera = T_world_mount @ T_world_camera
+        T_world_camera = product(T_world_mount, T_world_camera)
     return Camera(name, intrinsics, T_world_camera, config.near, config.far, renderer)
 
 

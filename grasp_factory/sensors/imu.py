@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, Pose, inverse, quat_xyzw_to_matrix
+from grasp_factory.linear import product, turned, turned_back
 from grasp_factory.robots import Robot
 from grasp_factory.world import World
 
@@ -40,25 +41,27 @@ class WristImu:
         R, angular = quat_xyzw_to_matrix(motions[:, 3:7]), motions[:, 10:]
         velocity = self._origin_velocities(R, motions[:, 7:10], angular)
         acceleration = np.diff(velocity, axis=0) / np.diff(times)[:, None]
-        force = np.einsum("nji,nj->ni", R[1:], acceleration - self._gravity)
+        force = turned_back(R[1:], acceleration - self._gravity)
         return {
             "timestamp": times[1:],
             "specific_force": force.astype(np.float32),
-            "angular_velocity": np.einsum("nji,nj->ni", R[1:], angular[1:]).astype(np.float32),
+            "angular_velocity": turned_back(R[1:], angular[1:]).astype(np.float32),
             "T_tcp_imu": self._T_tcp_imu(),
         }
 
     def _read(self) -> None:
         """Keep position, quat_xyzw, linear and angular velocity, 13 numbers."""
-        for part in self._world.link_motion(self._robot.body, self._robot.first_tool_link):
-            self._motions.extend(part)
+        position, quat, linear, angular = self._world.link_motion(
+            self._robot.body, self._robot.first_tool_link
+        )
+        self._motions.extend((*position, *quat, *linear, *angular))
 
     def _origin_velocities(self, R: Array, linear: Array, angular: Array) -> Array:
         """Return the velocity of the frame's origin: Bullet gives that of the link's COM."""
         com = self._world.inertial_frame(self._robot.body, self._robot.first_tool_link).position
-        return np.asarray(linear + np.cross(angular, -(R @ np.array(com))))
+        return np.asarray(linear + np.cross(angular, -turned(R, np.array(com))))
 
     def _T_tcp_imu(self) -> Array:
         """Return the sensor's pose in the TCP frame (4, 4); both sit on the rigid hand."""
         frame = self._world.link_frames(self._robot.body, [self._robot.first_tool_link])[0]
-        return np.asarray(inverse(self._robot.T_world_tcp()) @ Pose(*frame).matrix())
+        return product(inverse(self._robot.T_world_tcp()), Pose(*frame).matrix())

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, pose_matrices
+from grasp_factory.linear import product, turned_back
 from grasp_factory.outcome import Label
 from grasp_factory.robots import Robot
 from grasp_factory.schema import MAX_CONTACTS
@@ -34,9 +35,8 @@ class TactilePads(Sensor):
         """Keep the loaded contacts of the pads and the pads' frames."""
         body, record = self._robot.body, self._records
         self._records += 1
-        for frame in tick.frames[1:]:
-            for part in frame:
-                self._frames.extend(part)
+        for position, quat in tick.frames[1:]:
+            self._frames.extend((*position, *quat))
         for c in tick.contacts:
             if c[9] <= 0.0:  # within the breaking threshold, but not touching
                 continue
@@ -59,8 +59,8 @@ class TactilePads(Sensor):
                         + rows[:, 16:19] * rows[:, 15:16])  # fmt: skip
         T_world_pad = self._pad_frames()
         R = T_world_pad[record, pad, :3, :3]
-        point = _to_frame(R, point - T_world_pad[record, pad, :3, 3])
-        normal, force = _to_frame(R, sign * normal), _to_frame(R, force)
+        point = turned_back(R, point - T_world_pad[record, pad, :3, 3])
+        normal, force = turned_back(R, sign * normal), turned_back(R, force)
 
         wrench = np.zeros((samples, 2, 6))
         np.add.at(wrench, (record, pad), np.hstack([force, np.cross(point, force)]))
@@ -80,12 +80,7 @@ class TactilePads(Sensor):
     def _pad_frames(self) -> Array:
         """Return ``T_world_pad``, (samples, 2, 4, 4)."""
         frames = np.array(self._frames, np.float64).reshape(-1, 2, 7)
-        return np.asarray(pose_matrices(frames) @ self._robot.pad_offsets())
-
-
-def _to_frame(R: Array, vectors: Array) -> Array:
-    """Turn world vectors (S, 3) into frames whose axes are the columns of R (S, 3, 3)."""
-    return np.asarray(np.einsum("sji,sj->si", R, vectors))
+        return product(pose_matrices(frames), self._robot.pad_offsets())
 
 
 def _slots(

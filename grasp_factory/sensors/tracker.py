@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.geometry import Array, Pose, inverse
+from grasp_factory.linear import dot, product
 from grasp_factory.sensors.base import Sensor, Tick
 from grasp_factory.world import World
 
@@ -18,7 +19,7 @@ def object_frame(world: World, body: int) -> Pose:
     """Return the pose of a body's own (URDF) frame in the world; Bullet tracks the COM's."""
     position, quat = world.com_frame(body)
     T_world_com = Pose(position, quat).matrix()
-    return Pose.from_matrix(T_world_com @ inverse(world.inertial_frame(body).matrix()))
+    return Pose.from_matrix(product(T_world_com, inverse(world.inertial_frame(body).matrix())))
 
 
 class ObjectTracker(Sensor):
@@ -31,8 +32,8 @@ class ObjectTracker(Sensor):
     def sample(self, tick: Tick) -> None:
         """Read the poses."""
         for body in self._bodies:
-            for part in self._world.com_frame(body):
-                self._rows.extend(part)
+            position, quat = self._world.com_frame(body)
+            self._rows.extend((*position, *quat))
 
     def streams(self) -> dict[str, NDArray[Any]]:
         """Return ``object_pose`` (samples, M, 7)."""
@@ -55,7 +56,7 @@ def _multiply(a: Array, b: Array) -> Array:
     """Return the quaternion products a * b of (S, 4) and (4,), xyzw."""
     av, aw, bv, bw = a[:, :3], a[:, 3:], b[:3], b[3]
     vector = aw * bv + bw * av + np.cross(av, bv)
-    return np.hstack([vector, aw * bw - (av @ bv)[:, None]])
+    return np.hstack([vector, aw * bw - dot(av, bv)[:, None]])
 
 
 def _rotate(quat: Array, v: Array) -> Array:

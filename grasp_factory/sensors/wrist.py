@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.geometry import quat_xyzw_to_matrix
+from grasp_factory.linear import turned
 from grasp_factory.robots import Robot
 from grasp_factory.sensors.base import Sensor, Tick
 from grasp_factory.world import World
@@ -35,6 +36,6 @@ class WristForceTorque(Sensor):
         reaction = np.array(self._rows, np.float64).reshape(-1, 6)
         com = self._world.inertial_frame(self._robot.body, self._robot.first_tool_link)
         R = quat_xyzw_to_matrix(com.quat_xyzw)
-        force = -reaction[:, :3] @ R.T
-        torque = -reaction[:, 3:] @ R.T + np.cross(np.array(com.position), force)
+        force = -turned(R, reaction[:, :3])
+        torque = -turned(R, reaction[:, 3:]) + np.cross(np.array(com.position), force)
         return {"wrist_wrench": np.hstack([force, torque]).astype(np.float32)}

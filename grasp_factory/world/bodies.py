@@ -51,7 +51,7 @@ def create_compound(
         )
     except p.error as error:
         raise RecipeError(f"a body cannot be made: {error}") from None
-    moments = [mass * square * scale**2 for square in body.gyration_squared]
+    moments = [mass * square * scale * scale for square in body.gyration_squared]
     p.changeDynamics(created, -1, localInertiaDiagonal=moments, physicsClientId=client)
     return created
 

@@ -10,5 +10,6 @@ from grasp_factory.objects import Compound, Part
 def box(half_extents: Sequence[float]) -> Compound:
     """Return a box of even density around its own origin, metres."""
     x, y, z = (2.0 * float(half) for half in half_extents)
-    squares = ((y**2 + z**2) / 12.0, (x**2 + z**2) / 12.0, (x**2 + y**2) / 12.0)
+    xx, yy, zz = x * x, y * y, z * z
+    squares = ((yy + zz) / 12.0, (xx + zz) / 12.0, (xx + yy) / 12.0)
     return Compound(parts=(Part(shape="box", size=(x, y, z)),), gyration_squared=squares)

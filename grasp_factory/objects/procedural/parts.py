@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from grasp_factory.elementary import sincos
 from grasp_factory.geometry import Pose
 from grasp_factory.objects.base import Part, Vector3
 from grasp_factory.objects.unit_meshes import WEDGES, mesh_file
@@ -23,11 +24,13 @@ ALONG_Y: Turn = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """The part's z becomes y."""
 ON_EDGE: Turn = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """The part's y becomes z, and x stays."""
-FLAT_TO_X: Turn = (0.0, 0.0, math.sin(math.pi / 2 / WEDGES), math.cos(math.pi / 2 / WEDGES))
+_SINE, _COSINE = (float(v) for v in sincos(math.pi / WEDGES))
+_HALF_SINE, _HALF_COSINE = (float(v) for v in sincos(math.pi / 2 / WEDGES))
+FLAT_TO_X: Turn = (0.0, 0.0, _HALF_SINE, _HALF_COSINE)
 """One of the flat sides of a ring looks along x, so that a handle lies close."""
-FLAT_AT = math.cos(math.pi / WEDGES)
+FLAT_AT = _COSINE
 """How far out that side is, in outer radii."""
-FLAT_WIDTH = math.sin(math.pi / WEDGES)
+FLAT_WIDTH = _SINE
 """Its width, in outer diameters."""
 
 
