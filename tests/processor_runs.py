@@ -43,7 +43,7 @@ CASES: Mapping[str, Callable[[], FactoryConfig]] = {
     ),
     "mixture": lambda: FactoryConfig(resolution=SMALL, policies={"mixture": 1.0, "perturbed": 1.0}),
     "tiny": lambda: FactoryConfig(resolution=(48, 48)),
-    "large": lambda: FactoryConfig(),
+    "large": FactoryConfig,
     "learned": _learned,
 }
 

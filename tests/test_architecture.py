@@ -25,6 +25,8 @@ README = PACKAGE.parent / "README.md"
 
 # A module may import from the layers above it in this list, never from its own or below.
 LAYERS = (
+    ("linear",),
+    ("elementary",),
     ("errors", "geometry", "gripper", "outcome", "renderer"),
     (
         *("cache", "camera", "kinematics", "records", "report_words", "splits", "stopping"),

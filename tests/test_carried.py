@@ -89,6 +89,29 @@ def test_a_dataset_replays_where_the_folder_never_was(
     assert "replays to the same bytes" in done.stdout
 
 
+def test_going_on_elsewhere_converts_no_mesh_again(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Conversion may differ by machine, so it is done once: here what converts cannot be loaded."""
+    assert generate("whole.zarr", "--workers", "1", "--n", "6").returncode == 0
+    assert generate("a.zarr", "--workers", "1").returncode == 0
+    config = Dataset.open(home / "a.zarr").config
+    (home / "config.yaml").write_text(json.dumps(config.to_plain()))
+    shutil.rmtree(home / "things")
+    (home / "broken").mkdir()
+    for library in ("trimesh", "coacd", "scipy", "fast_simplification"):
+        (home / "broken" / f"{library}.py").write_text("raise SystemExit('it was loaded')")
+    monkeypatch.setenv("PYTHONPATH", str(home / "broken"))
+    monkeypatch.setenv("GRASP_FACTORY_CACHE", str(home / "empty"))
+    for command in (
+        ("replay", "a.zarr", 1),
+        ("generate", "--config", "config.yaml", "--out", "a.zarr", "--n", "6", "--workers", "2"),
+    ):
+        done = run(*command)
+        assert done.returncode == 0, done.stderr
+    assert_same_tree(home / "whole.zarr", home / "a.zarr")
+
+
 def test_a_folder_that_changed_is_another_dataset(home: Path) -> None:
     assert generate("a.zarr", "--workers", "1").returncode == 0
     (home / "things" / "new.obj").write_text(CUBE.format(s="0.015"))
