@@ -187,8 +187,8 @@ def test_a_run_that_is_stopped_at_random_instants_ends_in_the_same_bytes(
             for number in signals:
                 send(process, number, group=chance.random() < 0.5)
                 time.sleep(chance.choice([0.0, 0.01, 0.1]))
-            check_end(process, out, {0, 130, 143})
-        stopped += process.returncode != 0
+            check_end(process, out, {0, 130, 143, -INT, -TERM})
+        stopped += process.returncode != 0  # a signal at Python's very end kills: a shell's 130
     assert stopped > 0
     check_completion(out, want)
 

@@ -92,11 +92,11 @@ class TestOrder:
     def scripted(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(learned, "grasp_inputs", lambda view, T, widths, shape: T)
         monkeypatch.setattr(
-            learned, "find_model", lambda sha256: SimpleNamespace(crop=None, predict=self.opinion)
+            learned, "find_model", lambda sha256: SimpleNamespace(crop=None, log_odds=self.opinion)
         )
 
     def opinion(self, T: Array) -> Array:
-        return 1.0 / (1.0 + np.exp(self.distance(T) * 200.0 - 3.0))
+        return 3.0 - 200.0 * self.distance(T)
 
     def distance(self, T: Array) -> Array:
         return np.asarray(np.linalg.norm(T[..., :2, 3] - self.MIDDLE, axis=-1))
@@ -111,8 +111,8 @@ class TestOrder:
         assert len(grasps) == 50
         assert distances == sorted(distances)
         odds = [3.0 - 200.0 * distance for distance in distances]
-        expected = np.clip(odds, -np.log(1e6), np.log(1e6))
-        np.testing.assert_allclose([grasp.score for grasp in grasps], expected, rtol=1e-4)
+        expected = np.clip(odds, -learned.SUREST, learned.SUREST)
+        np.testing.assert_allclose([grasp.score for grasp in grasps], expected, rtol=1e-9)
 
     def test_or_the_least_certain_or_whatever_was_drawn(self) -> None:
         ways = {key: self.plan(prefer=key, ranked=64) for key in learned.PREFERENCES}

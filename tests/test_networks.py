@@ -39,7 +39,7 @@ from grasp_factory.networks import (
     width_of,
 )
 from grasp_factory.networks.inputs import DEEPEST, HEIGHT_UNIT, IMAGE, WIDTH
-from grasp_factory.networks.model import CHUNK
+from grasp_factory.networks.model import CHUNK, STEP
 from grasp_factory.outcome import Label, Phase
 
 SHAPE = CropShape()
@@ -262,6 +262,45 @@ class TestPredictions:
         holds = model.predict(inputs)
         odds = np.log(holds) - np.log1p(-holds)
         np.testing.assert_allclose(odds, slope * model.raw_logits(inputs) + offset, atol=1e-9)
+
+
+class Noisy(torch.nn.Module):
+    """A network whose answer is its input, with an error of single precision."""
+
+    def __init__(self, error: float) -> None:
+        super().__init__()
+        self.error, self.scale = error, torch.nn.Parameter(torch.ones(1))
+
+    def forward(self, tensors: Mapping[str, torch.Tensor]) -> torch.Tensor:
+        answer = tensors[WIDTH][:, 0]
+        return answer + (self.error if answer.dtype == torch.float32 else 0.0)
+
+
+class TestLogOdds:
+    """Answers of kernels that differ in the last bits become one."""
+
+    @staticmethod
+    def model(error: float, slope: float = 1.0) -> GraspModel:
+        network: Any = Noisy(error)
+        return dataclasses.replace(MODELS["vision"], network=network, slope=slope, offset=0.003)
+
+    @pytest.mark.parametrize("slope", [1.0, 20.0])
+    def test_are_the_same_with_any_error_of_single_precision(self, slope: float) -> None:
+        inputs = random_inputs(4000, size=1)
+        few, more = (self.model(error, slope) for error in (-5e-6, 5e-6))
+        assert few.log_odds(inputs).tobytes() == more.log_odds(inputs).tobytes()
+        rounded = [
+            np.rint((slope * model.raw_logits(inputs) + 0.003) / STEP) for model in (few, more)
+        ]
+        assert (rounded[0] != rounded[1]).any()  # what rounding alone would have let through
+
+    def test_are_rounded_by_half_a_step_at_most(self) -> None:
+        inputs = random_inputs(500)
+        model = MODELS["vision"]
+        found = model.log_odds(inputs)
+        exact = model.slope * model.raw_logits(inputs) + model.offset
+        assert np.abs(found - exact).max() <= STEP / 2.0 + 1e-3 * STEP
+        np.testing.assert_allclose(found / STEP, np.rint(found / STEP), atol=1e-9)
 
 
 def header_of(data: bytes) -> dict[str, Any]:
