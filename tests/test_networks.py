@@ -286,7 +286,7 @@ class TestLogOdds:
 
     @pytest.mark.parametrize("slope", [1.0, 20.0])
     def test_are_the_same_with_any_error_of_single_precision(self, slope: float) -> None:
-        inputs = random_inputs(4000, size=1)
+        inputs = random_inputs(30_000, size=1)
         few, more = (self.model(error, slope) for error in (-5e-6, 5e-6))
         assert few.log_odds(inputs).tobytes() == more.log_odds(inputs).tobytes()
         rounded = [
