@@ -88,7 +88,7 @@ class GraspModel:
             used = {name: inputs[name][unsure] for name in self.uses}
             exact = _answers(copy.deepcopy(self.network).double(), used, EXACT_CHUNK)
             steps[unsure] = (self.slope * exact + self.offset) / STEP
-        return np.rint(steps) * STEP
+        return np.rint(steps) * STEP + 0.0  # never -0.0, which is other bytes
 
 
 def _answers(network: GraspNet, inputs: Inputs, size: int) -> Array:
