@@ -7,18 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from grasp_factory import carried
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
+from grasp_factory.episode_distance import Arrays, first_different
 from grasp_factory.errors import RecipeError, StoreError, UsageError
 from grasp_factory.rollout import run_episode
 from grasp_factory.world import World
 from grasp_factory.writers.header import root_attributes
-
-Arrays = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,21 +84,6 @@ def check_index(dataset: Dataset, index: int) -> int:
     return index
 
 
-def first_different(before: Arrays, after: Arrays) -> str:
-    """Return the first array, by path, that is not the same byte for byte, and how it differs."""
-    for path in sorted({*before, *after}):
-        if path not in after:
-            return f"{path} is missing in the replay"
-        if path not in before:
-            return f"{path} is missing in the store"
-        a, b = before[path], after[path]
-        if (a.shape, a.dtype) != (b.shape, b.dtype):
-            return f"{path}: {a.dtype} {a.shape} against {b.dtype} {b.shape}"
-        if a.tobytes() != b.tobytes():
-            return f"{path}: {_how_far(a, b)}"
-    return ""
-
-
 def changed_since(attributes: Mapping[str, Any]) -> list[str]:
     """Return ``what: recorded, now present`` for each version and platform fact that changed."""
     out = []
@@ -117,12 +98,3 @@ def changed_since(attributes: Mapping[str, Any]) -> list[str]:
 def _here(config: FactoryConfig) -> dict[str, dict[str, str]]:
     ours = root_attributes(config, {})
     return {group: ours[group] for group in ("versions", "platform")}
-
-
-def _how_far(a: NDArray[Any], b: NDArray[Any]) -> str:
-    if a.dtype.kind not in "fiub":
-        return f"{a!s:.60} against {b!s:.60}"
-    a, b = a.astype(np.float64), b.astype(np.float64)
-    same = np.isclose(a, b, rtol=0.0, atol=0.0, equal_nan=True)
-    most = np.nanmax(np.abs(a - b), initial=0.0)
-    return f"{int((~same).sum())} of {a.size} values differ, by {most:.3g} at most"
