@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.collecting.reading import RowReader
+from grasp_factory.collecting.reading import RowReader, StoredRow
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode, EpisodeSpec
 from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.executors import Report
+from grasp_factory.fingerprint import fingerprint
 from grasp_factory.models import find_model
 from grasp_factory.request import Request
 from grasp_factory.rollout import run_episode
@@ -90,7 +91,8 @@ class BlockMaker:
         Raises:
             StoreError: if it cannot be written, is damaged, or the disk fails otherwise.
         """
-        rows = self._kept(job)
+        kept, here = self._kept(job), self.fingerprint
+        rows = {i: row.content for i, row in kept.items()}
         for index in block_range(job.block, self._config.block_size, self._writer.length):
             if index in rows:
                 continue
@@ -100,7 +102,8 @@ class BlockMaker:
             rows[index] = self.make_row(spec, job.lost.get(index, ""))
             report(in_few_words(rows[index], index))
         with _naming_disk_trouble(f"{self._path}: block {job.block} cannot be written"):
-            self._writer.write_block(job.block, [rows[index] for index in sorted(rows)])
+            texts = [kept[i].fingerprint if i in kept else here for i in sorted(rows)]
+            self._writer.write_block(job.block, [rows[i] for i in sorted(rows)], texts)
         report(Committed(block=job.block))
 
     def close(self) -> None:
@@ -108,12 +111,20 @@ class BlockMaker:
         if "_world" in self.__dict__:
             self.__dict__.pop("_world").close()
 
-    def _kept(self, job: BlockJob) -> dict[int, Episode | Quarantined]:
+    @cached_property
+    def fingerprint(self) -> str:
+        """The text of the platform that this process runs on.
+
+        It is measured before the world is opened: OpenGL is for one world at a time.
+        """
+        return fingerprint(self._config).text
+
+    def _kept(self, job: BlockJob) -> dict[int, StoredRow]:
         """Return the rows that are there: of a block that was cut short by a smaller number."""
         present = self._writer.present(job.block)
         keep = [i for i, status in present.items() if status == COMMITTED or not job.retries]
         reader = RowReader(self._path) if keep else None
-        return {i: row.content for i in keep if reader for row in reader.read(i, i + 1)}
+        return {i: row for i in keep if reader for row in reader.read(i, i + 1)}
 
     def make_row(self, spec: EpisodeSpec, lost: str) -> Episode | Quarantined:
         """Simulate a recipe, or quarantine it where it gives no episode.

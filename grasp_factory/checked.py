@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from grasp_factory import schema
 from grasp_factory.episode import checksum
 from grasp_factory.errors import StoreError
+from grasp_factory.platforms import is_fingerprint
 from grasp_factory.rows import fixed, is_fill
 from grasp_factory.schema import Field
 from grasp_factory.writers.aside import aside
@@ -34,6 +35,8 @@ def checked_arrays(
     arrays: Mapping[str, StoredArray],
     fields: Mapping[str, Field],
     seed: int | None,
+    *,
+    has_fingerprints: bool,
 ) -> dict[str, StoredArray]:
     """Return the arrays of the store at ``path`` such that they check what is read from them.
 
@@ -43,6 +46,7 @@ def checked_arrays(
         fields: theirs.
         seed: the seed of every recipe, whose index is its row; None in a store that was put
             together from others.
+        has_fingerprints: each row tells the platform that made it.
 
     Raises:
         StoreError: if the store has no digests, its metadata is not as it was sealed, or arrays
@@ -57,7 +61,7 @@ def checked_arrays(
         check_lengths(path, arrays)
     except StoreError as error:
         raise StoreError(f"{error}; {_MEND}") from None
-    places = _Places(path, arrays, seed)
+    places = _Places(path, arrays, seed, has_fingerprints=has_fingerprints)
     return {
         name: array if name in _WITHOUT else CheckedArray(path, name, arrays, fields, places)
         for name, array in arrays.items()
@@ -124,6 +128,8 @@ class CheckedArray(StoredArray):
             for k in range(stop - start):
                 if not self._agrees(start + k, int(status[k]), str(checksums[k])):
                     self._refuse(start + k)
+                if self._path == schema.FINGERPRINT.path:
+                    self._check_fingerprint(start + k, int(status[k]), str(values[k]))
             return
         stored = self._arrays[schema.DIGESTS.path].read(start, stop)[:, self._place]
         ends = None
@@ -137,6 +143,11 @@ class CheckedArray(StoredArray):
                 is_true = digest(fixed(values[k] if ends is None else values[k][:end])) == stored[k]
             if not is_true:
                 self._refuse(start + k)
+
+    def _check_fingerprint(self, row: int, status: int, text: str) -> None:
+        is_told = status != MISSING and self._places.has_fingerprints
+        if not is_fingerprint(text) and (text or is_told) and not self._is_unfinished(row):
+            self._refuse(row)
 
     def _is_beside(self, row: int, status: int, value: Any) -> bool:
         """Say whether a row without an episode holds nothing, or the recipe of its quarantine."""
@@ -174,8 +185,16 @@ class CheckedArray(StoredArray):
 class _Places:
     """Knows whether rows are where their recipes' indices say; each block is looked at once."""
 
-    def __init__(self, store: Path, arrays: Mapping[str, StoredArray], seed: int | None) -> None:
+    def __init__(
+        self,
+        store: Path,
+        arrays: Mapping[str, StoredArray],
+        seed: int | None,
+        *,
+        has_fingerprints: bool,
+    ) -> None:
         self._store, self._seed = store, seed
+        self.has_fingerprints = has_fingerprints
         of = (schema.STATUS.path, "episodes/index", "episodes/seed")
         self._arrays = [arrays[path] for path in of if path in arrays]
         self._rows = arrays[schema.STATUS.path].zarr.chunks[0]

@@ -21,6 +21,7 @@ from grasp_factory.episodes import Episodes
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.indexing import RowIndex
 from grasp_factory.noise import EpisodeNoise, SensorNoise, named_noise
+from grasp_factory.platforms import FINGERPRINT
 from grasp_factory.readings import Readings
 from grasp_factory.rows import NEEDED
 from grasp_factory.views import EpisodeViews
@@ -94,7 +95,8 @@ class Dataset(EpisodeViews):
         arrays = open_arrays(root, path, fields, needed)
         if checked:
             seed = None if SOURCES in root.attrs else config.seed
-            arrays = checked_arrays(path, arrays, fields, seed)
+            told = seed is not None and FINGERPRINT in root.attrs
+            arrays = checked_arrays(path, arrays, fields, seed, has_fingerprints=told)
         return cls(path, config, root.attrs.asdict(), arrays, shown_as, checked=checked)
 
     def __reduce__(self) -> tuple[Any, ...]:

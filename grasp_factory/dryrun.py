@@ -19,6 +19,8 @@ from grasp_factory.executors import JOBS_PER_PROCESS, Executor, make_executor
 from grasp_factory.factory import check_names
 from grasp_factory.pilots import Flight, episode_seconds, fly, relative_error
 from grasp_factory.request import Request
+from grasp_factory.resuming import check_platform
+from grasp_factory.world.connection import check_renderer
 from grasp_factory.writers.store import check_place, missing_rows
 
 Z95 = 1.96
@@ -87,6 +89,8 @@ def forecast(
     target = check_place(request.out, config)
     carried.unpack(request.out, config)
     check_names(config)
+    check_renderer(config.renderer)
+    check_platform(request)
     there = len(Dataset.open(request.out)) if (target / "zarr.json").exists() else 0
     length = max(there, request.n)
     missing, part = _missing(request, there, length), rows_of(request)

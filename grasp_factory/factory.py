@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,15 +16,17 @@ from grasp_factory import carried
 from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made, rows_of
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import GraspFactoryWarning, StoreBusyError, StoreError, lookup
+from grasp_factory.errors import StoreBusyError, StoreError, lookup
 from grasp_factory.executors import ProcessExecutor, make_executor
+from grasp_factory.fingerprint import fingerprint
 from grasp_factory.losses import Failures, Losses
 from grasp_factory.models import find_model
 from grasp_factory.objects import OBJECT_SETS, check_splits, find_set
+from grasp_factory.platforms import FINGERPRINT
 from grasp_factory.policies import POLICIES
 from grasp_factory.records import check
-from grasp_factory.replay import changed_since
 from grasp_factory.request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard
+from grasp_factory.resuming import check_platform, warn_of_other_versions
 from grasp_factory.robots import ROBOTS, RobotModel
 from grasp_factory.runlog import RunLog
 from grasp_factory.summary import StoreSummary, summarise
@@ -83,6 +85,7 @@ def generate(
     episode_timeout: float | None = None,
     max_failures: float = MAX_FAILURES,
     retry_quarantined: bool = False,
+    accept_other_platform: bool = False,
     on_start: Callable[[Plan], None] = lambda plan: None,
     on_episode: Callable[[Made], None] = lambda made: None,
     on_loss: Callable[[str], None] = lambda text: None,
@@ -104,6 +107,8 @@ def generate(
         episode_timeout: seconds that an episode may take; None for 600 with several workers.
         max_failures: the share of quarantined episodes that is still a success.
         retry_quarantined: try those again that are in quarantine already.
+        accept_other_platform: go on with a store that was begun where bytes may differ; the rows
+            made here say so.
         on_start: called once with the plan, after every check and before the first episode.
         on_episode: called for each episode as it is made; its block is committed later.
         on_loss: called with a line when a worker was lost and its block is made again.
@@ -118,6 +123,7 @@ def generate(
     request = Request(
         config=config, n=n, workers=workers, out=Path(out), shard=shard,
         episode_timeout=seconds, max_failures=max_failures, retry_quarantined=retry_quarantined,
+        accept_other_platform=accept_other_platform,
     )  # fmt: skip
     is_watched = episode_timeout is not None
     executor = ProcessExecutor(workers) if is_watched else make_executor(request.workers)
@@ -127,14 +133,15 @@ def generate(
     robot = check_names(config)
     check_renderer(config.renderer)
     with saying_how_to_go_on(), _lock(request) as lock, RunLog(target, request) as log:
+        check_platform(request)
         if lock.is_alone:
-            facts, files = {"robot": robot.facts()}, carried.packed(config)
+            facts, files = facts_of(config, robot), carried.packed(config)
             prepare_store(path, config, len(robot.arm_joints), request.n, facts, carried=files)
             lock.share()
         plan = _plan(request)
         on_start(plan)
         if plan.blocks:
-            _warn_of_changes(path)
+            warn_of_other_versions(path)
             log.begin()
             losses = Losses(config.block_size, request.episode_timeout or math.inf, on_loss)
             failures = Failures(request.max_failures, plan.to_make)
@@ -184,11 +191,9 @@ def check_names(config: FactoryConfig) -> RobotModel:
     return robot
 
 
-def _warn_of_changes(path: Path) -> None:
-    """Warn where this machine does not make the bytes of the episodes that are there."""
-    if changed := changed_since(Dataset.open(path).attributes):
-        text = f"{path} was begun elsewhere ({'; '.join(changed)}): bytes may differ from there"
-        warnings.warn(text, GraspFactoryWarning, stacklevel=3)
+def facts_of(config: FactoryConfig, robot: RobotModel) -> dict[str, Any]:
+    """Return root attributes of a store that is begun here: the robot's facts, the fingerprint."""
+    return {"robot": robot.facts(), FINGERPRINT: fingerprint(config).parts()}
 
 
 @contextlib.contextmanager

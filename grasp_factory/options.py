@@ -16,6 +16,7 @@ from grasp_factory.arguments import resolution, weighted
 from grasp_factory.cameras import CAMERAS
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import UsageError, shown
+from grasp_factory.platforms import ACCEPT
 from grasp_factory.randomize import RANDOMIZE_PRESETS
 from grasp_factory.records import check
 from grasp_factory.renderer import Renderer
@@ -151,6 +152,12 @@ _RUN_OPTIONS = (
         is_flag=True,
         default=None,
         help="Try episodes again that are in quarantine.",
+    ),
+    click.option(
+        ACCEPT,
+        is_flag=True,
+        default=None,
+        help="Go on with a store that was begun on another platform, where bytes may differ.",
     ),
 )
 

@@ -22,7 +22,7 @@ from grasp_factory import carried
 from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made
 from grasp_factory.dataset import Dataset
 from grasp_factory.executors import Executor, Report
-from grasp_factory.factory import check_names
+from grasp_factory.factory import check_names, facts_of
 from grasp_factory.request import Request
 from grasp_factory.summary import StoreSummary, summarise
 from grasp_factory.writers.files import cannot_write, locate
@@ -96,7 +96,7 @@ def fly(
     with _place_beside(request.out) as place:
         store, begun = place / "pilots.zarr", time.monotonic()
         robot = check_names(config)
-        facts, files = {"robot": robot.facts()}, carried.packed(config)
+        facts, files = facts_of(config, robot), carried.packed(config)
         prepare_store(store, config, len(robot.arm_joints), length, facts, carried=files)
         prepared = time.monotonic()
         empty_bytes = summarise(Dataset.open(store)).bytes

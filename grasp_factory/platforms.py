@@ -130,5 +130,18 @@ def meaning(parts: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
+def difference(known: Fingerprint | None, here: Fingerprint) -> str:
+    """Return in words how what is known of a platform differs from this one; empty if it does not.
+
+    Args:
+        known: where something was made; None where that is not told.
+        here: this platform.
+    """
+    if known is None:
+        return f"it was {NO_FINGERPRINT}"
+    parts = differing(known, here)
+    return f"the fingerprint differs in {meaning(parts)}" if parts else ""
+
+
 def _checked(text: str) -> str:
     return f"{zlib.crc32(text.encode(errors='replace')):08x}"

@@ -148,6 +148,7 @@ def make(request: Request, *, quiet: bool, view: LiveView | None = None) -> Summ
             episode_timeout=request.episode_timeout,
             max_failures=request.max_failures,
             retry_quarantined=request.retry_quarantined,
+            accept_other_platform=request.accept_other_platform,
             on_start=start,
             on_episode=episode,
             on_loss=loss,

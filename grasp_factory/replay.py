@@ -85,16 +85,28 @@ def check_index(dataset: Dataset, index: int) -> int:
 
 
 def changed_since(attributes: Mapping[str, Any]) -> list[str]:
-    """Return ``what: recorded, now present`` for each version and platform fact that changed."""
-    out = []
-    for group, now in _here(FactoryConfig.from_plain(attributes["config"])).items():
-        then = attributes.get(group, {})
-        for key in now:
-            if then.get(key) != now[key]:
-                out.append(f"{key}: {then.get(key, 'unknown')}, now {now[key]}")
-    return out
+    """Return ``what: recorded, now present`` for each version and platform fact that changed.
+
+    Of the platform, what the store does not tell is left out.
+    """
+    then, here = attributes.get("platform", {}), _here(attributes)["platform"]
+    known = {key: now for key, now in here.items() if key in then}
+    return changed_versions(attributes) + _changed(then, known)
 
 
-def _here(config: FactoryConfig) -> dict[str, dict[str, str]]:
-    ours = root_attributes(config, {})
+def changed_versions(attributes: Mapping[str, Any]) -> list[str]:
+    """Return ``what: recorded, now present`` for each version that changed."""
+    return _changed(attributes.get("versions", {}), _here(attributes)["versions"])
+
+
+def _changed(then: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
+    return [
+        f"{key}: {then.get(key, 'unknown')}, now {now}"
+        for key, now in here.items()
+        if then.get(key) != now
+    ]
+
+
+def _here(attributes: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    ours = root_attributes(FactoryConfig.from_plain(attributes["config"]), {})
     return {group: ours[group] for group in ("versions", "platform")}

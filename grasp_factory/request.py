@@ -30,7 +30,10 @@ EPISODE_TIMEOUT_S = 600.0
 MAX_FAILURES = 0.25
 OPEN_TABLE = "policy_parameters"
 """Of tables with defaults for all: an assignment may be the first to name one of them."""
-RUN_KEYS = ("n", "workers", "out", "shard", "episode_timeout", "max_failures", "retry_quarantined")
+RUN_KEYS = (
+    *("n", "workers", "out", "shard", "episode_timeout", "max_failures", "retry_quarantined"),
+    "accept_other_platform",
+)
 CONFIG_KEYS = tuple(f.name for f in dataclasses.fields(FactoryConfig))
 SECTIONS = sections_of(FactoryConfig)
 PRESETS: Mapping[str, Mapping[str, Any]] = {
@@ -94,6 +97,8 @@ class Request:
     """The part of the store that this run makes."""
     retry_quarantined: bool = False
     """Try episodes again that are in quarantine."""
+    accept_other_platform: bool = False
+    """Go on with a store that was begun where bytes may differ."""
 
     def __post_init__(self) -> None:
         check(isinstance(self.shard, Shard), "shard", self.shard, "a Shard, as Shard(1, 4)")

@@ -19,7 +19,7 @@ NEEDED = frozenset(
     ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu", "n_video")
 )
 """Columns that no store lacks."""
-_BESIDE = NEEDED | {"array_crc32c", "seed", "index"}
+_BESIDE = NEEDED | {"array_crc32c", "fingerprint", "seed", "index"}
 """Columns that are not in ``Episode.columns``."""
 
 

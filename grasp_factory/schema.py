@@ -92,14 +92,18 @@ DIGESTS = _f(
     "uint32",
     "CRC-32C of the episode's values of each array that the attribute arrays names",
 )
+FINGERPRINT = _f(
+    "episodes/fingerprint", (), "string", "fingerprint of the platform that made the row"
+)
 ERROR = _f("episodes/error", (), "string", "why the episode is quarantined")
-NOT_IN_AN_EPISODE = (STATUS.path, CHECKSUM.path, DIGESTS.path, ERROR.path)
+NOT_IN_AN_EPISODE = (STATUS.path, CHECKSUM.path, DIGESTS.path, FINGERPRINT.path, ERROR.path)
 """Arrays that say something about an episode's contents, and are none of them."""
 
 FIELDS: tuple[Field, ...] = (
     STATUS,
     CHECKSUM,
     DIGESTS,
+    FINGERPRINT,
     _f("episodes/success", (), "bool", "the label: outcome is success"),
     _f("episodes/outcome", (), "uint8", "how the attempt ended", names=_OUTCOMES,
        empty=255),

@@ -125,7 +125,7 @@ def make_rows(
 
 _OWN = (
     *("status", "checksum", "array_crc32c", "success", "outcome", "spec", "error", "seed", "index"),
-    *("n_steps", "n_imu", "n_video"),
+    *("n_steps", "n_imu", "n_video", "fingerprint"),
 )
 
 

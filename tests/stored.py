@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import shutil
 import tempfile
+import zipfile
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from grasp_factory.records import to_plain
 from grasp_factory.writers.store import prepare_store
 from grasp_factory.writers.zarr import ZarrWriter
 
+OLD = Path(__file__).parent / "made_by_0.4.0.zip"
+"""A store of four rows, the last quarantined, of a version without fingerprints."""
 TINY = Path(__file__).parents[1] / "data_samples" / "tiny.zarr"
 
 
@@ -38,6 +41,13 @@ def varied() -> Path:
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     generate(FactoryConfig.from_plain(plain), 2, folder / "varied.zarr", workers=1)
     return folder / "varied.zarr"
+
+
+def old_store(folder: Path) -> Path:
+    """Unpack the store that version 0.4.0 made into a folder, and return where it is."""
+    with zipfile.ZipFile(OLD) as file:
+        file.extractall(folder / "old.zarr")
+    return folder / "old.zarr"
 
 
 def with_a_quarantined_row(path: Path) -> Path:

@@ -58,7 +58,7 @@ LAYERS = (
     ("attempt",),
     ("rollout",),
     ("blocks", "checks", "playback", "preview", "recordings", "relabel", "replay"),
-    ("losses",),
+    ("losses", "resuming"),
     ("factory",),
     ("pilots", "verifying"),
     ("dryrun",),

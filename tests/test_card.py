@@ -354,7 +354,7 @@ def expected(dataset: Dataset) -> dict[str, list[Any]]:
     fields = {f.path.removeprefix("episodes/"): f for f in schema.expand(dataset.config)}
     out: dict[str, list[Any]] = {"row": rows.tolist()}
     for name in dataset.columns:
-        if fields[name].dims or name in ("status", "checksum", "spec", "error"):
+        if fields[name].dims or name in ("status", "checksum", "fingerprint", "spec", "error"):
             continue
         values = dataset.column(name)[rows].tolist()
         words = fields[name].names

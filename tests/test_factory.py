@@ -16,7 +16,7 @@ import zarr
 from fake_episodes import make_episode, small_config
 from helpers import assert_same_tree, tree
 
-from grasp_factory import blocks, factory, replay
+from grasp_factory import blocks, factory, replay, resuming
 from grasp_factory.blocks import Made, block_range
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
@@ -250,8 +250,8 @@ def test_going_on_with_other_versions_is_warned_of(
     out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     generate(CONFIG, 4, out, workers=1)
-    monkeypatch.setattr(factory, "changed_since", lambda facts: ["pybullet: 3.2.7, now 9.9.9"])
-    with pytest.warns(GraspFactoryWarning, match=r"begun elsewhere \(pybullet: 3\.2\.7, now 9"):
+    monkeypatch.setattr(resuming, "changed_versions", lambda facts: ["pybullet: 3.2.7, now 9.9.9"])
+    with pytest.warns(GraspFactoryWarning, match=r"other versions \(pybullet: 3\.2\.7, now 9"):
         generate(CONFIG, 8, out, workers=1)
     generate(CONFIG, 8, out, workers=1)  # nothing is made: nothing to warn of
 

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from grasp_factory.schema import Field
 
-NOT_IN_TABLE = frozenset(f"episodes/{name}" for name in ("status", "checksum", "spec", "error"))
+NOT_IN_TABLE = frozenset(
+    f"episodes/{name}" for name in ("status", "checksum", "fingerprint", "spec", "error")
+)
 """Columns that say nothing of an episode that was made, or that are too long for a table."""
 _CHUNK = 4096
 """Rows that are Python's objects at a time."""

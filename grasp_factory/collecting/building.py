@@ -139,7 +139,7 @@ def _copy(order: Order, aside: Path, on_row: Callable[[], None]) -> None:
         wanted = _copy_block(order, plan, block, writer)
         stop = start + len(wanted)
         try:
-            found = [row.checksum for row in reader.read(start, stop)]
+            found = [_known(row) for row in reader.read(start, stop)]
         except StoreError:
             found = []
         if found != wanted:
@@ -148,12 +148,18 @@ def _copy(order: Order, aside: Path, on_row: Callable[[], None]) -> None:
             on_row()
 
 
-def _copy_block(order: Order, plan: Plan, block: int, writer: ZarrWriter) -> list[str]:
-    """Write a block; return the checksums of its rows, which are held no longer."""
+def _copy_block(order: Order, plan: Plan, block: int, writer: ZarrWriter) -> list[tuple[str, str]]:
+    """Write a block; return what is known of its rows, which are held no longer."""
     rows = list(_rows(order, plan))
     if rows:
-        writer.write_block(block, [row.content for row in rows])
-    return [row.checksum for row in rows]
+        texts = [row.fingerprint for row in rows]
+        writer.write_block(block, [row.content for row in rows], texts)
+    return [_known(row) for row in rows]
+
+
+def _known(row: StoredRow) -> tuple[str, str]:
+    """Return checksum and fingerprint of a row."""
+    return row.checksum, row.fingerprint
 
 
 def _rows(order: Order, plan: Plan) -> Iterator[StoredRow]:

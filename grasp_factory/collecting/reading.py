@@ -10,10 +10,11 @@ from grasp_factory import schema
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode, EpisodeSpec, checksum
 from grasp_factory.errors import StoreError
+from grasp_factory.platforms import is_fingerprint
 from grasp_factory.rows import Row, assemble, read_rows
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.columns import check_lengths
-from grasp_factory.writers.header import open_store
+from grasp_factory.writers.header import fields_of, open_store
 from grasp_factory.writers.stored import open_arrays
 from grasp_factory.writers.zarr import COMMITTED, QUARANTINED
 
@@ -24,6 +25,8 @@ class StoredRow:
 
     content: Episode | Quarantined
     checksum: str
+    fingerprint: str
+    """Text of the platform that made it; empty where the store does not tell."""
 
 
 class RowReader:
@@ -44,7 +47,7 @@ class RowReader:
         """
         self.path = path
         root, self.config = open_store(path, mode="r")
-        self._fields = {row.path: row for row in schema.expand(self.config)}
+        self._fields = fields_of(path, self.config, root.attrs.asdict())
         self._arrays = open_arrays(root, path, self._fields, set(self._fields))
         try:
             check_lengths(path, self._arrays)
@@ -75,7 +78,10 @@ class RowReader:
         found = checksum(content.contents())
         if found != str(row[schema.CHECKSUM.path]):
             raise self._damaged(i, "does not match its checksum")
-        return StoredRow(content=content, checksum=found)
+        text = str(row.get(schema.FINGERPRINT.path, ""))
+        if text and not is_fingerprint(text):
+            raise self._damaged(i, f"has a damaged {schema.FINGERPRINT.path}")
+        return StoredRow(content=content, checksum=found, fingerprint=text)
 
     def _damaged(self, i: int, what: str) -> StoreError:
         return StoreError(f"{self.path}: episode {i} {what}; {mending(self.path)}")

@@ -14,12 +14,16 @@ from grasp_factory.collecting.union import Rows
 from grasp_factory.config import first_difference
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.platforms import FINGERPRINT
 from grasp_factory.writers.files import locate
 from grasp_factory.writers.header import SOURCES
 from grasp_factory.writers.seals import SEAL, is_sealed
 from grasp_factory.writers.zarr import QUARANTINED
 
-_OF_EACH = {"seed", "config", "config_sha256", "versions", "platform", "created_by", SOURCES}
+_OF_EACH = {
+    *("seed", "config", "config_sha256", "versions", "platform", FINGERPRINT, "created_by"),
+    SOURCES,
+}
 """Root attributes that may differ between stores that are put together."""
 
 

@@ -16,6 +16,7 @@ from grasp_factory.verifying.contents import (
     behind_problems,
     beside,
     committed_problems,
+    fingerprint_problems,
     is_complete,
     is_whole,
     padded,
@@ -32,6 +33,8 @@ from grasp_factory.writers.layout import block_files
 from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
 
 UNKNOWN = -1
+NOT_EMPTY = (*OF_QUARANTINED, schema.FINGERPRINT.path)
+"""Paths of what a quarantined row holds."""
 MAKER = "this version of grasp-factory wrote it so, or another program: make the episode again"
 """Advice for what matches its checksum and cannot be true."""
 
@@ -98,6 +101,8 @@ class BlockChecker:
 
 def row_problems(row: Row, status: int, pieces: Pieces, i: int) -> Iterator[Problem]:
     """Give the problems of a row, but that it is missing."""
+    if status in (COMMITTED, QUARANTINED):
+        yield from fingerprint_problems(row, pieces, i)
     if status == COMMITTED:
         yield from _committed_problems(row, pieces, i)
     elif status == UNKNOWN:
@@ -107,7 +112,7 @@ def row_problems(row: Row, status: int, pieces: Pieces, i: int) -> Iterator[Prob
         yield Problem(episode=i, array=schema.STATUS.path, what=what)
     elif status == QUARANTINED:
         yield from quarantined_problems(row, pieces, i)
-        yield from padding_problems(row, beside(OF_QUARANTINED, pieces), pieces, i)
+        yield from padding_problems(row, beside(NOT_EMPTY, pieces), pieces, i)
     elif status == MISSING:
         yield from padding_problems(row, beside((), pieces), pieces, i)
     else:

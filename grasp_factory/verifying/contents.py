@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from grasp_factory import schema
 from grasp_factory.episode import checksum
 from grasp_factory.errors import StoreError
+from grasp_factory.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.rows import Row, fixed, is_fill
 from grasp_factory.schema import Field
 from grasp_factory.verifying.pieces import Pieces
@@ -107,6 +108,19 @@ def quarantined_problems(row: Row, pieces: Pieces, i: int) -> list[Problem]:
     if not pieces.is_collected and int(row["episodes/index"]) != i:
         return [_problem(i, "episodes/index", f"{int(row['episodes/index'])}, another row's")]
     return []
+
+
+def fingerprint_problems(row: Row, pieces: Pieces, i: int) -> list[Problem]:
+    """Return what is wrong with the text of the platform that a row was made on.
+
+    Rows of a store that was put together, or was made without fingerprints, may have none.
+    """
+    text = str(row.get(schema.FINGERPRINT.path, ""))
+    is_told = not pieces.is_collected and FINGERPRINT in pieces.attributes
+    if schema.FINGERPRINT.path not in row or is_fingerprint(text) or not (text or is_told):
+        return []
+    what = "is no fingerprint, or is damaged" if text else "is lost"
+    return [_problem(i, schema.FINGERPRINT.path, what)]
 
 
 def is_complete(contents: Row, pieces: Pieces) -> bool:

@@ -14,7 +14,7 @@ from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, sh
 from grasp_factory.verifying.length import rows_of
 from grasp_factory.verifying.problems import Problem
 from grasp_factory.writers import layout
-from grasp_factory.writers.header import first_line, read_attributes
+from grasp_factory.writers.header import fields_of, first_line, read_attributes
 from grasp_factory.writers.seals import SEAL, is_intact
 
 FILE = "zarr.json"
@@ -77,12 +77,13 @@ def has_config(path: Path) -> bool:
 def array_documents(path: Path, config: FactoryConfig) -> Iterator[tuple[str, Any, str]]:
     """Give path, document and fault of every array that a store of this config has."""
     listed, fault = read_document(path / schema.DIGESTS.path / FILE)
-    wanted = [row.path for row in schema.expand(config)]
+    attributes = read_attributes(path)
+    fields = fields_of(path, config, attributes)
+    wanted = list(fields)
     if not fault:  # of an older version, which had fewer
         known = {*listed["attributes"].get("arrays", wanted), *schema.NOT_IN_AN_EPISODE}
         wanted = [name for name in wanted if name in known]
-    fields = {row.path: row for row in schema.expand(config)}
-    is_ours = read_attributes(path)["versions"].get("grasp_factory") == __version__
+    is_ours = attributes["versions"].get("grasp_factory") == __version__
     for name in wanted:
         document, fault = read_document(path / name / FILE)
         if not fault and is_ours and not _is_of(document, fields[name], config):

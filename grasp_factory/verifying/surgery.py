@@ -14,7 +14,7 @@ from grasp_factory.blocks import Begun, BlockJob, Made
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import ConfigError, GraspFactoryError
 from grasp_factory.executors import Executor, ProcessExecutor
-from grasp_factory.factory import check_names
+from grasp_factory.factory import check_names, facts_of
 from grasp_factory.losses import Losses
 from grasp_factory.request import EPISODE_TIMEOUT_S
 from grasp_factory.verifying.annotated import mend_annotations
@@ -102,7 +102,7 @@ class Surgery:
         if has_config(self._path):
             left = read_document(place)[0]["attributes"]
             config = FactoryConfig.from_plain(left["config"])
-            more = {"robot": check_names(config).facts()}
+            more = facts_of(config, check_names(config))
             more |= {key: left[key] for key in (SOURCES,) if key in left}
             with self._template(config, root_attributes(config, more), rows=0) as template:
                 made = read_document(template.path / FILE)[0]["attributes"]

@@ -37,12 +37,19 @@ class Writer(ABC):
     """Takes finished blocks. One instance per process; a block has one owner at a time."""
 
     @abstractmethod
-    def write_block(self, block: int, rows: Sequence[Episode | Quarantined]) -> None:
+    def write_block(
+        self,
+        block: int,
+        rows: Sequence[Episode | Quarantined],
+        fingerprints: Sequence[str] = (),
+    ) -> None:
         """Replace block ``block`` by these rows, all of them or none.
 
         Args:
             block: number of the block; its first episode is ``block * block_size``.
             rows: consecutive episodes from the block's first one on.
+            fingerprints: for each row the text of the platform that made it, empty where it is
+                not known; none for rows of which it is known of none.
 
         Raises:
             StoreError: if the rows are not that, or do not fit what the writer holds.
@@ -69,3 +76,14 @@ def check_count(block: int, rows: Sequence[Episode | Quarantined], most: int) ->
     """
     if not 1 <= len(rows) <= most:
         raise StoreError(f"block {block}: got {len(rows)} episodes, valid: 1 to {most}")
+
+
+def texts_of(rows: Sequence[Episode | Quarantined], fingerprints: Sequence[str]) -> tuple[str, ...]:
+    """Return a fingerprint's text for each row; empty ones where none are given.
+
+    Raises:
+        StoreError: for another number of texts.
+    """
+    if len(fingerprints) not in (0, len(rows)):
+        raise StoreError(f"{len(fingerprints)} fingerprints for {len(rows)} rows")
+    return tuple(fingerprints) or ("",) * len(rows)

@@ -13,10 +13,12 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from grasp_factory import __version__
+from grasp_factory import __version__, schema
 from grasp_factory.config import FactoryConfig
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.schema import FORMAT, FORMAT_VERSION
+from grasp_factory.machine import platform_facts
+from grasp_factory.platforms import FINGERPRINT
+from grasp_factory.schema import FORMAT, FORMAT_VERSION, Field
 from grasp_factory.writers.aside import AsideStore
 from grasp_factory.writers.files import locate
 
@@ -51,11 +53,7 @@ def root_attributes(config: FactoryConfig, extra: Mapping[str, Any]) -> dict[str
             **({"torch": _version("torch")} if config.models else {}),
             "grasp_factory": __version__,
         },
-        "platform": {
-            "machine": platform.machine(),
-            "libc": " ".join(platform.libc_ver()),
-            "cpu": _cpu(),
-        },
+        "platform": platform_facts(),
         "conventions": CONVENTIONS,
         "license": LICENSE,
         "created_by": f"grasp-factory {__version__}",
@@ -117,6 +115,17 @@ def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, Factor
         raise StoreError(f"{path} is damaged: {first_line(error)}") from None
 
 
+def fields_of(path: Path, config: FactoryConfig, attributes: Mapping[str, Any]) -> dict[str, Field]:
+    """Return by path the fields of the store at ``path``, whose root has these attributes.
+
+    One that was made before there were fingerprints has no column for them.
+    """
+    fields = {row.path: row for row in schema.expand(config)}
+    if FINGERPRINT not in attributes and not (path / schema.FINGERPRINT.path).exists():
+        del fields[schema.FINGERPRINT.path]
+    return fields
+
+
 def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     """Return an array of a store.
 
@@ -170,12 +179,3 @@ def _version(library: str) -> str:
         return version(library)
     except PackageNotFoundError:  # what only some datasets need
         return "none"
-
-
-def _cpu() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor()

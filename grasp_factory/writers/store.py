@@ -26,6 +26,7 @@ from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.files import cannot_write, fsync, fsync_tree, locate
 from grasp_factory.writers.header import (
     SOURCES,
+    fields_of,
     open_array,
     open_store,
     read_attributes,
@@ -227,7 +228,8 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     with contextlib.suppress(OSError):  # the mark of a creation that was killed at its very end
         (path / _ASIDE).rmdir()
     root, _ = open_store(path, mode="r+")
-    fields = sorted(schema.expand(config), key=lambda row: row == schema.STATUS)
+    own = fields_of(path, config, root.attrs.asdict()).values()
+    fields = sorted(own, key=lambda row: row == schema.STATUS)
     arrays = {row: open_array(root, row.path) for row in fields}
     n = max(n, arrays[schema.STATUS].shape[0])
     for row, array in arrays.items():

@@ -14,11 +14,11 @@ from grasp_factory.episode import Episode, checksum
 from grasp_factory.errors import StoreError
 from grasp_factory.schema import Field
 from grasp_factory.writers.aside import aside
-from grasp_factory.writers.base import Quarantined, Writer, check_count, check_rows
+from grasp_factory.writers.base import Quarantined, Writer, check_count, check_rows, texts_of
 from grasp_factory.writers.digests import digests
 from grasp_factory.writers.encoding import packed_chunk, packed_shard
 from grasp_factory.writers.files import fsync, write_aside
-from grasp_factory.writers.header import SOURCES, open_array, open_store, read_array
+from grasp_factory.writers.header import SOURCES, fields_of, open_array, open_store, read_array
 from grasp_factory.writers.layout import ZSTD_LEVEL, block_files
 from grasp_factory.writers.packed import unpack_block
 
@@ -46,14 +46,19 @@ class ZarrWriter(Writer):
         """
         self.path = Path(path)
         root, config = open_store(self.path, mode="r+")
-        self._fields = schema.expand(config)
+        self._fields = tuple(fields_of(self.path, config, root.attrs.asdict()).values())
         self._digested = schema.digested(config)
         self._arrays = {row.path: open_array(root, row.path) for row in self._fields}
         self._is_collected = SOURCES in root.attrs
         self.block_size = config.block_size
         self.length = self._arrays[schema.STATUS.path].shape[0]
 
-    def write_block(self, block: int, rows: Sequence[Episode | Quarantined]) -> None:
+    def write_block(
+        self,
+        block: int,
+        rows: Sequence[Episode | Quarantined],
+        fingerprints: Sequence[str] = (),
+    ) -> None:
         """Write array by array, then ``status``, which commits the block.
 
         What is there of it is cleared first, unless all its episodes are among the rows as they
@@ -66,7 +71,8 @@ class ZarrWriter(Writer):
             check_count(block, rows, room)
         else:
             check_rows(block, rows, start, room)
-        values = [self._values(row) for row in rows]
+        texts = texts_of(rows, fingerprints)
+        values = [self._values(*row) for row in zip(rows, texts, strict=True)]
         unpack_block(self.path, block)
         if self._keeps(block, values):
             self._mark(block)
@@ -77,20 +83,29 @@ class ZarrWriter(Writer):
             written = [file for field in fields for file in self._write(field, block, values)]
             fsync([*written, *(self.path / field.path for field in fields)])
 
-    def _values(self, row: Episode | Quarantined) -> Values:
+    def _values(self, row: Episode | Quarantined, fingerprint: str) -> Values:
+        made_on = {schema.FINGERPRINT.path: np.asarray(fingerprint)}
         if isinstance(row, Quarantined):
             contents = row.contents()
-            return contents | {
-                schema.STATUS.path: np.asarray(QUARANTINED),
-                schema.CHECKSUM.path: np.asarray(checksum(contents)),
-            }
+            return (
+                contents
+                | made_on
+                | {
+                    schema.STATUS.path: np.asarray(QUARANTINED),
+                    schema.CHECKSUM.path: np.asarray(checksum(contents)),
+                }
+            )
         contents = row.contents()
         self._check_fits(f"episode {row.spec.index}", contents)
-        return contents | {
-            schema.STATUS.path: np.asarray(COMMITTED),
-            schema.CHECKSUM.path: np.asarray(checksum(contents)),
-            schema.DIGESTS.path: digests(contents, self._digested),
-        }
+        return (
+            contents
+            | made_on
+            | {
+                schema.STATUS.path: np.asarray(COMMITTED),
+                schema.CHECKSUM.path: np.asarray(checksum(contents)),
+                schema.DIGESTS.path: digests(contents, self._digested),
+            }
+        )
 
     def _check_fits(self, who: str, contents: Values) -> None:
         fields = {row.path: row for row in self._fields if row.path in self._digested}

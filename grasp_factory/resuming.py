@@ -1,0 +1,59 @@
+"""Going on with a store that was begun on another platform, or with other versions."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.blocks import rows_of
+from grasp_factory.dataset import Dataset
+from grasp_factory.errors import GraspFactoryWarning, StoreMismatchError
+from grasp_factory.fingerprint import fingerprint
+from grasp_factory.platforms import ACCEPT, difference, fingerprint_of
+from grasp_factory.replay import changed_versions
+from grasp_factory.request import Request
+from grasp_factory.writers.files import locate
+from grasp_factory.writers.store import missing_rows
+
+
+def check_platform(request: Request) -> None:
+    """Check that what is to be made in a store has the bytes of the platform that began it.
+
+    Where that is accepted to be otherwise, it warns.
+
+    Raises:
+        StoreMismatchError: if it is not, or nobody knows.
+    """
+    path = request.out
+    if not (locate(path) / "zarr.json").exists():
+        return
+    attributes = Dataset.open(path).attributes
+    known = fingerprint_of(attributes)
+    found = difference(known, fingerprint(request.config))
+    if not found or not len(rows_to_make(request)):
+        return
+    if known is None:
+        begun = f"{path}: {found}, so nobody knows whether episodes made here have the same bytes"
+    else:
+        begun = f"{path} was begun on another platform: {found}, so bytes of new episodes differ"
+    if not request.accept_other_platform:
+        raise StoreMismatchError(f"{begun}; go on where it was begun, or add {ACCEPT}")
+    tell = "new rows say so in episodes/fingerprint"
+    warnings.warn(begun if known is None else f"{begun}; {tell}", GraspFactoryWarning, stacklevel=3)
+
+
+def rows_to_make(request: Request) -> NDArray[np.int64]:
+    """Return the rows of a request's part of its store, which is there, that are to be made."""
+    part, length = rows_of(request), len(Dataset.open(request.out))
+    missing = missing_rows(request.out, quarantined=request.retry_quarantined)
+    return part[np.isin(part, missing) | (part >= length)]
+
+
+def warn_of_other_versions(path: Path) -> None:
+    """Warn where other versions go on with the episodes that are there."""
+    if changed := changed_versions(Dataset.open(path).attributes):
+        what = f"{path} was begun with other versions ({'; '.join(changed)})"
+        warnings.warn(f"{what}: bytes may differ from there", GraspFactoryWarning, stacklevel=3)

@@ -1,0 +1,206 @@
+"""Going on with a store on another platform: known before anything is written, and recorded."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from elsewhere import HERE, THERE, made_there, move
+from fake_episodes import make_episode, small_config
+from helpers import assert_same_tree, tree
+from platform_processes import WITHOUT_FMA, command, needs_fma
+from stored import old_store
+
+from grasp_factory import blocks
+from grasp_factory.dataset import Dataset
+from grasp_factory.dryrun import forecast
+from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.errors import GraspFactoryWarning, RecipeError, StoreMismatchError
+from grasp_factory.factory import generate
+from grasp_factory.platforms import FINGERPRINT, fingerprint_of
+from grasp_factory.request import Request, Shard
+from grasp_factory.world import World
+
+CONFIG = small_config()  # blocks of 4
+REFUSED = (
+    r"ds\.zarr was begun on another platform: the fingerprint differs in engine \(simulation"
+    r" steps\), so .*; go on where it was begun, or add --accept-other-platform"
+)
+
+
+def pretend(world: World, spec: EpisodeSpec) -> Episode:
+    """Return an episode without physics; that of recipe 2 cannot be made."""
+    if spec.index == 2:
+        raise RecipeError("no luck with 2")
+    return dataclasses.replace(make_episode(CONFIG, spec.index), spec=spec)
+
+
+@pytest.fixture(autouse=True)
+def fake(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "run_episode", pretend)
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """Return a store of 6 rows, the second block cut short, made here."""
+    generate(CONFIG, 6, tmp_path / "ds.zarr", workers=1)
+    return tmp_path / "ds.zarr"
+
+
+def texts(store: Path) -> list[str]:
+    return [str(text) for text in Dataset.open(store).column("fingerprint")]
+
+
+def test_a_store_and_each_of_its_rows_tell_the_platform(out: Path) -> None:
+    dataset = Dataset.open(out)
+    assert dataset.status.tolist() == [1, 1, 2, 1, 1, 1]
+    assert fingerprint_of(dataset.attributes) == HERE
+    assert texts(out) == [HERE.text] * 6
+    assert "fingerprint" not in dataset[0].columns
+
+
+def test_the_platform_has_no_part_in_an_episodes_checksum(
+    out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    move(monkeypatch)
+    other = out.with_name("other.zarr")
+    generate(CONFIG, 6, other, workers=1)
+    assert texts(other) == [THERE.text] * 6
+    ours, theirs = (Dataset.open(store) for store in (out, other))
+    assert ours.column("checksum").tolist() == theirs.column("checksum").tolist()
+
+
+RUNS: dict[str, dict[str, Any]] = {
+    "growing": {"n": 10},
+    "a part of a growing store": {"n": 10, "shard": Shard(2, 3)},
+    "trying quarantined rows again": {"n": 6, "retry_quarantined": True},
+}
+
+
+class TestOnAnotherPlatform:
+    @pytest.fixture(autouse=True)
+    def there(self, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        move(monkeypatch)
+
+    @pytest.mark.parametrize("run", RUNS.values(), ids=RUNS)
+    def test_a_run_is_refused_before_anything_is_written(
+        self, out: Path, run: dict[str, Any]
+    ) -> None:
+        before = tree(out.parent)
+        with pytest.raises(StoreMismatchError, match=REFUSED):
+            generate(CONFIG, out=out, workers=1, **run)
+        assert tree(out.parent) == before
+
+    def test_a_run_that_has_nothing_to_make_says_nothing(self, out: Path) -> None:
+        assert generate(CONFIG, 6, out, workers=1).made == 0
+        assert generate(CONFIG, 6, out, workers=1, shard=Shard(1, 2)).made == 0
+
+    def test_accepted_it_warns_and_the_new_rows_alone_say_so(self, out: Path) -> None:
+        with pytest.warns(GraspFactoryWarning) as told:
+            generate(CONFIG, 10, out, workers=1, accept_other_platform=True)
+        assert len(told) == 1
+        said = str(told[0].message)
+        assert "another platform" in said
+        assert "engine (simulation steps)" in said
+        assert texts(out) == [HERE.text] * 6 + [THERE.text] * 4
+        assert fingerprint_of(Dataset.open(out).attributes) == HERE
+
+    def test_a_quarantined_row_that_is_tried_again_gets_the_text_of_here(self, out: Path) -> None:
+        with pytest.warns(GraspFactoryWarning):
+            generate(CONFIG, 6, out, 1, retry_quarantined=True, accept_other_platform=True)
+        assert texts(out) == [HERE.text] * 2 + [THERE.text] + [HERE.text] * 3
+
+    def test_a_dry_run_says_what_the_run_would_say(self, out: Path) -> None:
+        request = Request(config=CONFIG, n=10, workers=1, out=out)
+        with pytest.raises(StoreMismatchError, match=REFUSED):
+            forecast(request)
+        accepted = dataclasses.replace(request, accept_other_platform=True)
+        with pytest.warns(GraspFactoryWarning, match="another platform"):
+            assert forecast(accepted).to_make == 4
+
+    def test_the_command_refuses_with_one_line_and_exit_code_2(
+        self, out: Path, run: Callable[..., tuple[int, str, str]], tmp_path: Path
+    ) -> None:
+        (tmp_path / "c.yaml").write_text(Request(config=CONFIG, n=10, workers=1).to_yaml())
+        words = ("generate", "--config", tmp_path / "c.yaml", "--out", out)
+        code, said, err = run(*words)
+        assert (code, said, err.count("\n")) == (2, "", 1)
+        assert "--accept-other-platform" in err
+        code, _, err = run(*words, "--dry-run")
+        assert (code, err.count("\n")) == (2, 1)
+
+
+def test_going_on_where_the_store_was_begun_gives_the_bytes_of_one_run(
+    out: Path, tmp_path: Path
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        generate(CONFIG, 10, out, workers=1)
+        generate(CONFIG, 10, tmp_path / "one.zarr", workers=1)
+    assert_same_tree(out, tmp_path / "one.zarr")
+
+
+def test_a_store_that_came_from_elsewhere_is_refused_here(out: Path) -> None:
+    made_there(out, 6)
+    with pytest.raises(StoreMismatchError, match=REFUSED):
+        generate(CONFIG, 10, out, workers=1)
+
+
+def test_every_part_that_differs_is_named(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    move(monkeypatch, dataclasses.replace(HERE, libm="00000000", images="00000000"))
+    what = r"differs in images \(rendered images\) and libm \(the C library's sine and its kind\)"
+    with pytest.raises(StoreMismatchError, match=what):
+        generate(CONFIG, 10, out, workers=1)
+
+
+@pytest.mark.usefixtures("fake")
+class TestAStoreOfAVersionWithoutFingerprints:
+    def test_is_complete_as_ever(self, tmp_path: Path) -> None:
+        store = old_store(tmp_path)
+        before = tree(store)
+        assert generate(Dataset.open(store).config, 4, store, workers=1).made == 0
+        assert tree(store) == before
+        assert FINGERPRINT not in Dataset.open(store).attributes
+        assert "fingerprint" not in Dataset.open(store).columns
+
+    def test_grows_only_if_that_is_accepted(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        store = old_store(tmp_path)
+        config = Dataset.open(store).config
+        sample = Dataset.open(store)[0]
+        monkeypatch.setattr(
+            blocks, "run_episode", lambda world, spec: dataclasses.replace(sample, spec=spec)
+        )
+        before = tree(store)
+        with pytest.raises(StoreMismatchError, match="by a version without fingerprints, so nob"):
+            generate(config, 6, store, workers=1)
+        assert tree(store) == before
+        with pytest.warns(GraspFactoryWarning) as told:
+            generate(config, 6, store, workers=1, accept_other_platform=True)
+        assert "without fingerprints" in str(told[0].message)
+        dataset = Dataset.open(store)
+        assert dataset.status.tolist() == [1, 1, 1, 2, 1, 1]
+        assert "fingerprint" not in dataset.columns
+
+
+@needs_fma
+def test_a_real_other_libm_is_refused_and_recorded_when_it_is_accepted(tmp_path: Path) -> None:
+    out = tmp_path / "ds.zarr"
+    more = ("--resolution", "32x24", "--workers", 1, "--set", "block_size=1", "--quiet")
+    words = ("generate", "--out", out, *more)
+    assert command(*words, "--n", 1).returncode == 0
+    before = tree(out)
+    refused = command(*words, "--n", 2, **WITHOUT_FMA)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert "libm (the C library's sine and its kind)" in refused.stderr
+    assert tree(out) == before
+    accepted = command(*words, "--n", 2, "--accept-other-platform", **WITHOUT_FMA)
+    assert accepted.returncode == 0
+    assert "another platform" in accepted.stderr
+    assert len(set(texts(out))) == 2
