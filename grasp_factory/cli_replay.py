@@ -73,7 +73,8 @@ def replay(
     result = run(path, index)
     made = None if plan is None else _write(plan)
     if as_json:
-        print_json(to_plain(result) | ({} if made is None else {"video": to_plain(made)}))
+        told = to_plain(result) | {"platform": result.platform}
+        print_json(told | ({} if made is None else {"video": to_plain(made)}))
     else:
         click.echo(replay_text(result))
         if made is not None:

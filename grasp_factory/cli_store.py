@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from grasp_factory.arguments import AS_JSON, STORE, print_json
+from grasp_factory.platforms import ACCEPT
 from grasp_factory.records import to_plain
 
 WORKERS = click.option(
@@ -55,9 +56,12 @@ def verify(
 @click.command()
 @STORE
 @WORKERS
+@click.option(ACCEPT, is_flag=True, help="Simulate here also what was made on another platform.")
 @AS_JSON
 @click.pass_context
-def repair(ctx: click.Context, path: Path, workers: int, as_json: bool) -> None:
+def repair(
+    ctx: click.Context, path: Path, *, workers: int, accept_other_platform: bool, as_json: bool
+) -> None:
     """Make again what is damaged or missing in a store.
 
     Whatever `verify` finds in the store at PATH is made again from its config and recipes;
@@ -68,7 +72,7 @@ def repair(ctx: click.Context, path: Path, workers: int, as_json: bool) -> None:
     from grasp_factory.verifying import repair as run
 
     with counted("on_episode") as hooks:
-        result = run(path, workers, **hooks)
+        result = run(path, workers, accept_other_platform=accept_other_platform, **hooks)
     if as_json:
         more = {"is_whole": result.is_whole}
         remade = [to_plain(made) | {"is_same": made.is_same} for made in result.remade]

@@ -35,15 +35,12 @@ class ImageDistance:
     pixels: int
     differing: int
     """Pixels with another colour, depth or label."""
+    share: float
+    """Of the pixels."""
     depth_median_mm: float
     """Of the pixels whose depth differs; 0 where none does."""
     depth_p99_mm: float
     """The 99th percentile of the same."""
-
-    @property
-    def share(self) -> float:
-        """The share of the pixels that differ."""
-        return self.differing / self.pixels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,6 +166,7 @@ def _image_distance(a: CameraFrames, b: CameraFrames) -> ImageDistance:
     return ImageDistance(
         pixels=differs.size,
         differing=int(differs.sum()),
+        share=float(differs.mean()),
         depth_median_mm=float(median),
         depth_p99_mm=float(p99),
     )

@@ -10,11 +10,27 @@ from typing import Any
 from grasp_factory import carried
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
-from grasp_factory.episode_distance import Arrays, first_different
+from grasp_factory.episode import Episode
+from grasp_factory.episode_distance import (
+    Arrays,
+    EpisodeDistance,
+    episode_distance,
+    first_different,
+)
 from grasp_factory.errors import RecipeError, StoreError, UsageError
+from grasp_factory.fingerprint import fingerprint
+from grasp_factory.platforms import (
+    NO_FINGERPRINT,
+    Fingerprint,
+    differing,
+    fingerprint_of,
+    meaning,
+    parsed,
+)
 from grasp_factory.rollout import run_episode
 from grasp_factory.world import World
-from grasp_factory.writers.header import root_attributes
+from grasp_factory.writers.columns import Columns
+from grasp_factory.writers.header import SOURCES, root_attributes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +47,33 @@ class Replay:
     """The first array that differs, and how; empty when none does."""
     changed: tuple[str, ...]
     """Versions and platform facts that are not those of the recording."""
+    has_other_versions: bool
+    """Whether versions are among them."""
+    fingerprint: str
+    """Of the platform that made the row; empty where the store does not tell."""
+    here: str
+    """The fingerprint of this platform."""
+    differing: tuple[str, ...]
+    """Parts in which these two differ."""
+    distance: EpisodeDistance | None
+    """How far apart the two episodes are; None where they are the same, or one is quarantined."""
+
+    @property
+    def platform(self) -> str:
+        """One line on what the platform has to do with it; empty where there is nothing to say."""
+        if not self.fingerprint:
+            return f"{NO_FINGERPRINT}: whether bytes must be the same here is not known"
+        if self.differing:
+            what = f"the fingerprint differs from the recording's in {meaning(self.differing)}"
+            return f"{what}: bytes need not be the same here; compare where it was recorded"
+        if self.same:
+            return ""
+        if self.has_other_versions:
+            return "the fingerprint is the recording's: it is not the platform, but the versions"
+        return (
+            "fingerprint and versions are the recording's, so the bytes should be the same: run"
+            " `grasp-factory verify`, try again, and report it if it stays"
+        )
 
 
 def replay(path: Path, index: int) -> Replay:
@@ -43,15 +86,17 @@ def replay(path: Path, index: int) -> Replay:
     dataset = Dataset.open(path)
     index = check_index(dataset, index)
     carried.unpack(path, dataset.config)
-    changed = tuple(changed_since(dataset.attributes))
+    known, here = made_on(dataset, index), fingerprint(dataset.config)
     quarantined = dataset.status[index] == 2
     recorded = str(dataset.column("error")[index]) if quarantined else ""
     before: Arrays = {}
+    stored: Episode | None = None
+    again: Episode | None = None
     if not quarantined:
         if not dataset.verify(index):
             raise StoreError(f"{path} is damaged: episode {index} does not match its checksum")
-        episode = dataset[index]
-        before, recorded = episode.contents(), episode.outcome.name.lower()
+        stored = dataset[index]
+        before, recorded = stored.contents(), stored.outcome.name.lower()
     try:
         with World(dataset.config.renderer) as world:
             again = run_episode(world, dataset.spec(index))
@@ -65,8 +110,23 @@ def replay(path: Path, index: int) -> Replay:
         recorded=recorded,
         replayed=replayed,
         difference=difference,
-        changed=changed,
+        changed=tuple(changed_since(dataset.attributes)),
+        has_other_versions=bool(changed_versions(dataset.attributes)),
+        fingerprint=str(known or ""),
+        here=str(here),
+        differing=differing(known, here) if known else (),
+        distance=episode_distance(stored, again) if difference and stored and again else None,
     )
+
+
+def made_on(dataset: Dataset, index: int) -> Fingerprint | None:
+    """Return the fingerprint of the platform that made a row; None where nothing tells it."""
+    text = ""
+    if "fingerprint" in dataset.columns:
+        text = str(Columns.open(dataset.path).read_rows("fingerprint", index, index + 1)[0])
+    if text or SOURCES in dataset.attributes:
+        return parsed(text)
+    return fingerprint_of(dataset.attributes)
 
 
 def check_index(dataset: Dataset, index: int) -> int:

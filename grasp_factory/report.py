@@ -14,6 +14,7 @@ from grasp_factory.dryrun import Forecast
 from grasp_factory.factory import Plan, Summary
 from grasp_factory.relabel import Relabelled
 from grasp_factory.replay import Replay
+from grasp_factory.report_distance import distance_text
 from grasp_factory.report_store import GROUPS, arrays_text, store_text
 from grasp_factory.report_words import count, duration_text, percent, size_text, table
 from grasp_factory.request import WHOLE
@@ -152,10 +153,12 @@ def replay_text(result: Replay) -> str:
                 f"outcome: {result.recorded} was recorded, the replay gives {result.replayed}"
             )
         lines.append(f"first difference: {result.difference or 'the reason of the quarantine'}")
+    if result.distance is not None:
+        lines += distance_text(result.distance).splitlines()
+    if result.platform:
+        lines.append(f"platform: {result.platform}")
     if result.changed:
         lines += ["not as when it was recorded:", *(f"  {change}" for change in result.changed)]
-    elif not result.same:
-        lines.append("versions and platform are those of the recording")
     return "\n".join(lines)
 
 
@@ -213,7 +216,7 @@ def repair_text(result: Repaired) -> str:
             lines.append(f"{count(len(rows), 'episode')} simulated, {word}: {named}")
     if result.remade and result.before.changed:
         changes = [f"  {change}" for change in result.before.changed]
-        lines += ["not as when the store was made, so bytes may differ:", *changes]
+        lines += ["not as when the store was made:", *changes]
     lines += [f"failed: {failure}" for failure in result.failed]
     if result.is_whole:
         return "\n".join([*lines, "the store is whole"])

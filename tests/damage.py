@@ -16,6 +16,7 @@ from grasp_factory.errors import GraspFactoryError
 from grasp_factory.relabel import relabel
 from grasp_factory.sections import LabelConfig
 from grasp_factory.writers import packing
+from grasp_factory.writers.seals import SEAL
 
 CONFIG = FactoryConfig.from_plain(
     {
@@ -167,6 +168,17 @@ def _successes(dataset: Dataset) -> Any:
 
 def _arrays(dataset: Dataset) -> list[Any]:
     return [
-        (path, array.attrs.asdict(), array.shape, str(array.dtype), repr(array.fill_value))
+        (
+            path,
+            _described(array.attrs.asdict()),
+            array.shape,
+            str(array.dtype),
+            repr(array.fill_value),
+        )
         for path, array in sorted(dataset.arrays().items())
     ]
+
+
+def _described(attributes: dict[str, Any]) -> dict[str, Any]:
+    """Return attributes without the seal, which is no content: a changed one is noted by verify."""
+    return {key: value for key, value in attributes.items() if key != SEAL}

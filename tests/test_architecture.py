@@ -50,7 +50,10 @@ LAYERS = (
         *("carried", "collecting", "examples", "executors", "index", "kept", "plot", "sheet"),
         *("summary", "world"),
     ),
-    ("baselines", "fingerprint", "report_store", "robots", "tiles", "torch"),
+    (
+        *("baselines", "fingerprint", "report_distance", "report_store", "robots", "tiles"),
+        "torch",
+    ),
     ("sensors",),
     ("stage", "track", "visibility"),
     ("scene",),

@@ -29,9 +29,11 @@ from damage import (
     make_store,
     swap,
 )
+from elsewhere import HERE, THERE, move, set_attributes, set_texts
 from helpers import assert_same_tree, tree
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from stored import old_store
 from test_isolation import SABOTAGE
 
 from grasp_factory.collecting import split
@@ -45,10 +47,13 @@ from grasp_factory.errors import (
     UsageError,
 )
 from grasp_factory.factory import generate
+from grasp_factory.platforms import FINGERPRINT
 from grasp_factory.rollout import run_episode
 from grasp_factory.summary import summarise
 from grasp_factory.trouble import GO_ON
 from grasp_factory.verifying import repair, verify
+from grasp_factory.verifying.mending import files_of
+from grasp_factory.verifying.pieces import open_pieces
 from grasp_factory.writers import packing
 from grasp_factory.writers.lock import StoreLock
 from grasp_factory.writers.seals import set_rows
@@ -668,3 +673,107 @@ def test_a_config_that_is_another_is_refused(copy: Path) -> None:
     other = FactoryConfig.from_plain(CONFIG.to_plain() | {"seed": 9})
     with pytest.raises(StoreMismatchError):
         generate(other, N, copy, workers=1)
+
+
+class TestOnAnotherPlatform:
+    @pytest.fixture
+    def broken(self, copy: Path) -> Path:
+        """Return a copy without packed columns, of which row 5 is damaged."""
+        shutil.rmtree(copy / "packed")
+        cut("streams/tcp_pose/1.0.0")(copy)
+        return copy
+
+    def test_what_is_to_be_simulated_is_left_unless_that_is_accepted(
+        self, broken: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        move(monkeypatch)
+        before = tree(broken)
+        result = repair(broken)
+        assert not result.is_whole
+        (line,) = result.failed
+        assert "of another platform and are not simulated here: the fingerprint differs in" in line
+        assert "engine (simulation steps); repair where they were made, or add --accept" in line
+        assert {name: data for name, data in tree(broken).items() if "packed" not in name} == before
+
+    def test_accepted_the_rows_that_were_remade_say_so_and_the_others_do_not(
+        self, broken: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        checksums = Dataset.open(broken).column("checksum").tolist()
+        move(monkeypatch)
+        result = repair(broken, accept_other_platform=True)
+        assert result.is_whole
+        remade = {made.episode for made in result.remade}
+        assert remade
+        dataset = Dataset.open(broken)
+        assert dataset.column("fingerprint").tolist() == [
+            THERE.text if row in remade else HERE.text for row in range(N)
+        ]
+        assert dataset.column("checksum").tolist() == checksums
+        assert any("are of this platform now: the fingerprint" in line for line in result.mended)
+
+    def test_what_no_simulation_needs_is_mended_all_the_same(
+        self, broken: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        delete("imu/timestamp/zarr.json")(broken)
+        move(monkeypatch)
+        result = repair(broken)
+        assert "imu/timestamp/zarr.json is made again" in result.mended
+        assert {problem.episode for problem in result.after.problems} <= set(range(4, 8))
+
+    def test_rows_of_this_platform_are_simulated_in_a_store_of_another(self, broken: Path) -> None:
+        set_attributes(broken, {FINGERPRINT: THERE.parts()})
+        assert repair(broken).is_whole
+
+    def test_blocks_that_are_gone_are_left_unless_that_is_accepted(
+        self, copy: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        for file in files_of(copy, open_pieces(copy)[0], 1):
+            file.unlink(missing_ok=True)
+        move(monkeypatch)
+        (line,) = repair(copy).failed
+        assert "1 blocks cannot be made again" in line
+        assert "--accept-other-platform" in line
+
+    def test_the_command_says_it_in_one_line_and_exits_with_1(
+        self, broken: Path, monkeypatch: pytest.MonkeyPatch, run: Any
+    ) -> None:
+        move(monkeypatch)
+        code, out, _ = run("repair", broken)
+        assert code == 1
+        assert out.count("--accept-other-platform") == 1
+        code, out, _ = run("repair", broken, "--accept-other-platform")
+        assert (code, out.splitlines()[-1]) == (0, "the store is whole")
+
+
+class TestAFingerprintThatIsLost:
+    def test_is_that_of_all_other_rows(self, copy: Path) -> None:
+        before = tree(copy)
+        shutil.rmtree(copy / "packed")
+        set_texts(copy, {1: "nonsense", 4: ""})
+        result = repair(copy)
+        assert result.is_whole
+        assert result.remade == ()
+        assert Dataset.open(copy).column("fingerprint").tolist() == [HERE.text] * N
+        assert {k for k, v in before.items() if tree(copy).get(k) != v} == set()
+
+    def test_stays_lost_where_rows_are_of_several_platforms(self, copy: Path) -> None:
+        shutil.rmtree(copy / "packed")
+        set_texts(copy, {1: "nonsense", 5: THERE.text})
+        result = repair(copy)
+        assert not result.is_whole
+        assert result.remade == ()
+        assert result.failed == (
+            "fingerprints of rows 1 cannot be told: the store has rows of several platforms",
+        )
+
+
+class TestAStoreOfAVersionWithoutFingerprints:
+    def test_is_mended_without_simulating_and_simulated_only_if_that_is_accepted(
+        self, tmp_path: Path
+    ) -> None:
+        store = old_store(tmp_path)
+        cut("streams/tcp_pose/0.0.0")(store)
+        (line,) = repair(store).failed
+        assert "it was made by a version without fingerprints; repair where" in line
+        assert repair(store, accept_other_platform=True).is_whole
+        assert "fingerprint" not in Dataset.open(store).columns

@@ -30,8 +30,10 @@ from damage import (
     same,
     swap,
 )
+from elsewhere import HERE, THERE, made_there, move, set_texts
 from helpers import tree
 from numcodecs import zstd
+from stored import old_store
 from zarr.codecs import GzipCodec
 
 from grasp_factory.config import FactoryConfig
@@ -504,7 +506,7 @@ def test_what_cannot_be_true_is_named_even_where_checksums_match(
     path, value = UNTRUE[what]
     rows = [altered(row, path, value) if row.spec.index == i else row for row in rows]
     shutil.rmtree(copy / FOLDER)
-    ZarrWriter(copy).write_block(i // 4, rows)
+    ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
     assert Dataset.open(copy).verify(i)
     problems = verify(copy).problems
     assert {problem.episode for problem in problems} == {i}
@@ -519,7 +521,7 @@ def test_an_outcome_that_the_streams_do_not_give_is_named(
 ) -> None:
     i, rows = held
     rows = [replace(row, outcome=outcome) if row.spec.index == i else row for row in rows]
-    ZarrWriter(copy).write_block(i // 4, rows)
+    ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
     arrays = {problem.array for problem in verify(copy).problems}
     assert {"episodes/outcome", "streams/reward"} <= arrays
 
@@ -545,9 +547,45 @@ def test_a_camera_that_cannot_be_is_named(
     wrong.flat[0] = value
     cameras = {"front": replace(frames, **{name: wrong})}
     rows = [replace(row, cameras=cameras) if row.spec.index == i else row for row in rows]
-    ZarrWriter(copy).write_block(i // 4, rows)
+    ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
     assert [(problem.episode, problem.array) for problem in verify(copy).problems
             if not problem.array.startswith(FOLDER)] == [(i, f"cameras/front/{name}")]  # fmt: skip
+
+
+class TestFingerprints:
+    @pytest.mark.parametrize("text", [HERE.text[:-1] + "x", str(HERE), "nonsense", ""])
+    def test_a_text_that_is_damaged_or_lost_is_a_problem_of_its_row(
+        self, copy: Path, text: str
+    ) -> None:
+        shutil.rmtree(copy / FOLDER)
+        quarantined = int(np.flatnonzero(Dataset.open(copy).status == 2)[0])
+        for row in (4, quarantined):
+            set_texts(copy, {row: text})
+            (problem,) = verify(copy).problems
+            assert (problem.episode, problem.array) == (row, "episodes/fingerprint")
+            with pytest.raises(StoreError, match=f"episode {row} is damaged"):
+                Dataset.open(copy, checked=True).column("fingerprint")
+            set_texts(copy, {row: HERE.text})
+
+    def test_rows_of_another_platform_are_counted_in_one_note(self, copy: Path) -> None:
+        shutil.rmtree(copy / FOLDER)
+        set_texts(copy, {1: THERE.text, 6: THERE.text})
+        report = verify(copy)
+        assert report.is_whole
+        what = "the fingerprint differs from the store's in engine (simulation steps)"
+        assert report.notes == (f"2 rows of other platforms: {what}",)
+
+    def test_a_store_that_was_made_elsewhere_is_whole_without_a_note(self, copy: Path) -> None:
+        shutil.rmtree(copy / FOLDER)
+        report = verify(made_there(copy, N))
+        assert report.is_whole
+        assert report.notes == ()
+
+    def test_a_store_of_a_version_without_fingerprints_is_whole(self, tmp_path: Path) -> None:
+        report = verify(old_store(tmp_path))
+        assert (report.committed, report.quarantined, report.notes) == (3, 1, ())
+        assert report.is_whole
+        assert [change.partition(":")[0] for change in report.changed] == ["grasp_factory"]
 
 
 class TestDeep:
@@ -572,14 +610,41 @@ class TestDeep:
         cameras = {"front": replace(frames, rgb=rgb)}
         rows = [replace(row, cameras=cameras) if row.spec.index == i else row for row in rows]
         shutil.rmtree(copy / FOLDER)
-        ZarrWriter(copy).write_block(i // 4, rows)
+        ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
         assert verify(copy).is_whole
         (problem,) = verify(copy, deep=N).problems
         assert (problem.episode, problem.array) == (i, "cameras/front/rgb")
-        monkeypatch.setattr("grasp_factory.writers.header.platform.machine", lambda: "abacus")
+        monkeypatch.setattr("grasp_factory.machine.platform.machine", lambda: "abacus")
         report = verify(copy, deep=N)
         assert any("abacus" in change for change in report.changed)
         assert "abacus" in report.problems[0].what
+
+    def test_a_difference_under_another_fingerprint_is_a_note_and_no_damage(
+        self, copy: Path, held: tuple[int, list[Any]], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        i, rows = held
+        frames = rows[i % 4].cameras["front"]
+        cameras = {"front": replace(frames, rgb=frames.rgb ^ 1)}
+        rows = [replace(row, cameras=cameras) if row.spec.index == i else row for row in rows]
+        shutil.rmtree(copy / FOLDER)
+        ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
+        same = "fingerprint and versions are the recording's"
+        assert same in verify(copy, deep=N).problems[0].what
+        move(monkeypatch)
+        report = verify(copy, deep=N)
+        assert report.is_whole
+        (note,) = report.notes
+        assert f"{report.committed} of {report.committed} episodes simulated again" in note
+        assert "differs in engine (simulation steps)" in note
+        assert f"; {i} differ here and are whole as stored" in note
+
+    def test_that_none_differs_on_another_platform_is_told_in_a_note(
+        self, copy: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        move(monkeypatch)
+        report = verify(copy, deep=1)
+        assert report.is_whole
+        assert [note.rpartition("; ")[2] for note in report.notes] == ["none differs here"]
 
     def test_rows_are_drawn_without_repeating(self) -> None:
         assert draw([3, 5, 9], 10, 0) == (3, 5, 9)

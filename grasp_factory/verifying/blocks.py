@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,6 +11,7 @@ from typing import Any
 
 from grasp_factory import schema
 from grasp_factory.executors import Report
+from grasp_factory.platforms import is_fingerprint
 from grasp_factory.rows import Row
 from grasp_factory.verifying.contents import (
     OF_QUARANTINED,
@@ -47,6 +49,8 @@ class Findings:
     quarantined: int = 0
     missing: int = 0
     problems: list[Problem] = field(default_factory=list)
+    fingerprints: Counter[str] = field(default_factory=Counter)
+    """How many rows have each text that tells a platform."""
 
 
 class BlockChecker:
@@ -94,6 +98,8 @@ class BlockChecker:
             if status != MISSING or not aside(marker).exists():
                 findings.problems += row_problems(row, status, pieces, i)
             missing += [i] if status == MISSING else []
+            text = str(row.get(schema.FINGERPRINT.path, ""))
+            findings.fingerprints.update([text] if is_fingerprint(text) else [])
         if missing:
             findings.problems.append(_missing(missing))
         findings.problems += behind_problems(pieces, block)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,8 @@ import numpy as np
 
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.executors import Report
-from grasp_factory.replay import replay
+from grasp_factory.platforms import PARTS, meaning
+from grasp_factory.replay import Replay, replay
 from grasp_factory.verifying.problems import Problem
 
 SEEDS = 2**32
@@ -28,6 +31,17 @@ def draw(rows: list[int], count: int, seed: int) -> tuple[int, ...]:
     return tuple(sorted(int(row) for row in drawn))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulated:
+    """What came of simulating a row again."""
+
+    row: int
+    same: bool
+    differing: tuple[str, ...] = ()
+    """Parts of the fingerprint in which the platform that made the row differs from this one."""
+    problem: Problem | None = None
+
+
 class Simulator:
     """Simulates rows of a store again, and reports the number of each that it has compared."""
 
@@ -37,20 +51,48 @@ class Simulator:
     def __reduce__(self) -> tuple[Any, ...]:
         return Simulator, (self._path,)
 
-    def __call__(self, row: int, report: Report) -> list[Problem]:
-        """Return a problem if a row's recipe gives other bytes than are stored."""
+    def __call__(self, row: int, report: Report) -> Simulated:
+        """Compare what a row's recipe gives with what is stored.
+
+        Other bytes are a problem unless the fingerprint says that they may be others here.
+        """
         try:
             result = replay(self._path, row)
         except GraspFactoryError as error:
-            return [Problem(episode=row, array="", what=str(error))]
+            problem = Problem(episode=row, array="", what=str(error))
+            return Simulated(row=row, same=False, problem=problem)
         finally:
             report(row)
-        if result.same:
-            return []
-        what = f"simulated again it differs: {result.difference or 'the reason of the quarantine'}"
-        advice = "it is whole as stored; its recipe does not give it here and now"
-        if result.changed:
-            what += f"; not as when it was recorded: {', '.join(result.changed)}"
-            advice = "it is whole as stored; compare where versions and platform are as recorded"
-        array = result.difference.partition(":")[0].partition(" ")[0]
-        return [Problem(episode=row, array=array, what=what, advice=advice)]
+        is_excused = result.same or bool(result.differing)
+        return Simulated(
+            row=row,
+            same=result.same,
+            differing=result.differing,
+            problem=None if is_excused else _problem(result),
+        )
+
+
+def elsewhere(found: Sequence[Simulated]) -> list[str]:
+    """Return a note if rows that were simulated again come from another platform."""
+    foreign = [one for one in found if one.differing]
+    if not foreign:
+        return []
+    parts = [name for name in PARTS if any(name in one.differing for one in foreign)]
+    others = ", ".join(str(one.row) for one in foreign if not one.same)
+    came = f"{others} differ here and are whole as stored" if others else "none differs here"
+    return [
+        f"{len(foreign)} of {len(found)} episodes simulated again were made on another platform:"
+        f" the fingerprint differs in {meaning(parts)}; {came}"
+    ]
+
+
+def _problem(result: Replay) -> Problem:
+    what = f"simulated again it differs: {result.difference or 'the reason of the quarantine'}"
+    advice = "it is whole as stored; its recipe does not give it here and now"
+    if result.changed:
+        what += f"; not as when it was recorded: {', '.join(result.changed)}"
+        advice = "it is whole as stored; compare where versions and platform are as recorded"
+    elif result.fingerprint:
+        what += "; fingerprint and versions are the recording's"
+    array = result.difference.partition(":")[0].partition(" ")[0]
+    return Problem(episode=result.index, array=array, what=what, advice=advice)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 from grasp_factory import schema
 from grasp_factory.blocks import Begun, BlockJob, BlockMaker, in_few_words
-from grasp_factory.episode import checksum
+from grasp_factory.episode import EpisodeSpec, checksum
 from grasp_factory.errors import StoreError
 from grasp_factory.executors import Report
+from grasp_factory.platforms import Fingerprint, difference, fingerprint_of, parsed
 from grasp_factory.rows import Row
-from grasp_factory.verifying.contents import read_block
+from grasp_factory.verifying.contents import fingerprint_problems, read_block
 from grasp_factory.verifying.pieces import Pieces, open_pieces
 from grasp_factory.verifying.recovery import kept, recipe
 from grasp_factory.writers.layout import block_files
@@ -45,6 +47,12 @@ class Mended:
     """Rows whose recipes nothing tells; nothing of the block was changed."""
     is_risky: bool = False
     """Nothing of it was changed, for it needs a process that may be lost."""
+    untold: tuple[int, ...] = ()
+    """Rows that are whole but for the fingerprint, which nothing tells; nothing was changed."""
+    foreign: tuple[int, ...] = ()
+    """Rows of another platform that are to be simulated; that is done only if it is accepted."""
+    difference: str = ""
+    """How the platform of one of those differs from this one."""
 
 
 class BlockMender:
@@ -55,18 +63,29 @@ class BlockMender:
     it first needs them.
     """
 
-    def __init__(self, store: Path, template: Path, *, isolated: bool) -> None:
+    def __init__(
+        self, store: Path, template: Path, *, isolated: bool, accept: bool, lost_text: str | None
+    ) -> None:
         """Open nothing yet.
 
         Args:
             store: what is read.
             template: what is written.
             isolated: the process may be lost: a recipe that is quarantined may end it.
+            accept: rows of another platform are simulated, too.
+            lost_text: what a fingerprint is that is lost; None where nothing tells.
         """
         self._store, self._template, self._isolated = store, template, isolated
+        self._accept, self._lost_text = accept, lost_text
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(BlockMender, isolated=self._isolated), (self._store, self._template)
+        again = partial(
+            BlockMender,
+            isolated=self._isolated,
+            accept=self._accept,
+            lost_text=self._lost_text,
+        )
+        return again, (self._store, self._template)
 
     def __call__(self, job: BlockJob, report: Report) -> None:
         """Make a block: rows that are whole as they are, the others from their recipes."""
@@ -74,10 +93,10 @@ class BlockMender:
         found = dict(zip(pieces.rows_of(job.block), read_block(pieces, job.block)[0], strict=True))
         rows = {i: kept(row, pieces, i) for i, row in found.items()}
         recipes = {i: recipe(found[i], pieces, i) for i, row in rows.items() if row is None}
-        lost = tuple(i for i, spec in recipes.items() if spec is None)
-        is_risky = not self._isolated and not all(_is_committed(found[i]) for i in recipes)
-        if lost or is_risky:
-            report(Mended(block=job.block, lost=lost, is_risky=is_risky))
+        texts = {i: self._text(found[i], i) for i in rows if i not in recipes}
+        came = self._foreseen(job.block, found, recipes, texts)
+        if came.lost or came.untold or came.is_risky or (came.foreign and not self._accept):
+            report(came)
             return
         remade = []
         for i, spec in recipes.items():
@@ -88,8 +107,42 @@ class BlockMender:
             report(in_few_words(row, i))
             after = checksum(row.contents())
             remade.append(Remade(episode=i, before=_recorded(found[i]), after=after))
-        self._writer.write_block(job.block, [row for row in rows.values() if row])
-        report(Mended(block=job.block, remade=tuple(remade)))
+        of_rows = [(texts[i] or "") if i in texts else self._maker.fingerprint for i in rows]
+        self._writer.write_block(job.block, [row for row in rows.values() if row], of_rows)
+        report(replace(came, remade=tuple(remade)))
+
+    def _foreseen(
+        self,
+        block: int,
+        found: Mapping[int, Row],
+        recipes: Mapping[int, EpisodeSpec | None],
+        texts: Mapping[int, str | None],
+    ) -> Mended:
+        """Return what is known of a block before any of its rows is simulated."""
+        differences = {i: self._difference(found[i]) for i in recipes}
+        foreign = tuple(i for i in recipes if differences[i])
+        is_risky = not self._isolated and not all(_is_committed(found[i]) for i in recipes)
+        return Mended(
+            block=block,
+            lost=tuple(i for i, spec in recipes.items() if spec is None),
+            is_risky=is_risky and (self._accept or not foreign),
+            untold=tuple(i for i, text in texts.items() if text is None),
+            foreign=foreign,
+            difference=next(filter(None, differences.values()), ""),
+        )
+
+    def _text(self, row: Row, i: int) -> str | None:
+        """Return the fingerprint of a row that is kept; None if it is lost."""
+        if fingerprint_problems(row, self._pieces, i):
+            return self._lost_text
+        return str(row.get(schema.FINGERPRINT.path, ""))
+
+    def _difference(self, row: Row) -> str:
+        """Return how the platform that made a row differs from this one; empty if it does not."""
+        known = parsed(str(row.get(schema.FINGERPRINT.path, "")))
+        if known is None and not self._pieces.is_collected:
+            known = fingerprint_of(self._pieces.attributes)
+        return difference(known, Fingerprint.parse(self._maker.fingerprint))
 
     def close(self) -> None:
         """Close the world, if one was opened in this process."""

@@ -53,6 +53,7 @@ def repair(
     path: Path | str,
     workers: int = 1,
     *,
+    accept_other_platform: bool = False,
     on_start: Callable[[int], None] = lambda rows: None,
     on_episode: Callable[[int], None] = lambda row: None,
 ) -> Repaired:
@@ -64,6 +65,8 @@ def repair(
     Args:
         path: the store.
         workers: processes; with 1 most work is done in this one.
+        accept_other_platform: simulate here also rows that were made where bytes may differ; they
+            say so afterwards. Otherwise they are left as they are.
         on_start: called with the number of rows before each time they are verified.
         on_episode: called with the number of each row that is verified or simulated.
 
@@ -72,12 +75,13 @@ def repair(
         StoreError: if another process is writing to it, or the disk fails.
     """
     with saying_how_to_go_on(Path(path)):
-        return _repair(Path(path), workers, on_start, on_episode)
+        return _repair(Path(path), workers, accept_other_platform, on_start, on_episode)
 
 
 def _repair(
     path: Path,
     workers: int,
+    accept: bool,
     on_start: Callable[[int], None],
     on_episode: Callable[[int], None],
 ) -> Repaired:
@@ -86,14 +90,14 @@ def _repair(
     if before.is_whole and not leftovers(path):
         return Repaired(before=before, after=before, mended=(), failed=(), remade=())
     with StoreLock(path):
-        surgery = Surgery(path, workers, on_episode)
+        surgery = Surgery(path, workers, on_episode, accept=accept)
         goes_on = surgery.run(before)
     if not goes_on:
         failed = tuple(surgery.failed)
         return Repaired(before=before, after=before, mended=(), failed=failed, remade=())
     remade = list(surgery.remade)
     if surgery.to_generate:
-        remade += _generated(path, workers, surgery, on_episode)
+        remade += _generated(path, workers, accept, surgery, on_episode)
     for name in sorted(_labels_of(before.problems)):
         _relabel(path, name, surgery)
     try:
@@ -112,7 +116,11 @@ def _repair(
 
 
 def _generated(
-    path: Path, workers: int, surgery: Surgery, on_episode: Callable[[int], None]
+    path: Path,
+    workers: int,
+    accept: bool,
+    surgery: Surgery,
+    on_episode: Callable[[int], None],
 ) -> list[Remade]:
     """Let the factory complete the store; return the episodes that it made."""
     pieces = open_pieces(path)[0]
@@ -123,6 +131,7 @@ def _generated(
             path,
             workers,
             max_failures=1.0,
+            accept_other_platform=accept,
             on_episode=lambda made: on_episode(made.index),
         )
     except GraspFactoryError as error:

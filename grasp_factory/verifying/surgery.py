@@ -16,6 +16,7 @@ from grasp_factory.errors import ConfigError, GraspFactoryError
 from grasp_factory.executors import Executor, ProcessExecutor
 from grasp_factory.factory import check_names, facts_of
 from grasp_factory.losses import Losses
+from grasp_factory.platforms import ACCEPT
 from grasp_factory.request import EPISODE_TIMEOUT_S
 from grasp_factory.verifying.annotated import mend_annotations
 from grasp_factory.verifying.beside import LABELS, leftovers
@@ -28,6 +29,7 @@ from grasp_factory.verifying.mending import (
 )
 from grasp_factory.verifying.pieces import Pieces, open_pieces
 from grasp_factory.verifying.problems import Problem, Report
+from grasp_factory.verifying.recovery import lost_fingerprint
 from grasp_factory.verifying.template import Template
 from grasp_factory.verifying.verification import check_blocks, executor_for
 from grasp_factory.writers.carried import carried_by
@@ -50,8 +52,19 @@ class Surgery:
         to_generate: blocks that the factory has to make.
     """
 
-    def __init__(self, path: Path, workers: int, on_episode: Callable[[int], None]) -> None:
+    def __init__(
+        self, path: Path, workers: int, on_episode: Callable[[int], None], *, accept: bool
+    ) -> None:
+        """Change nothing yet.
+
+        Args:
+            path: the store's.
+            workers: processes.
+            on_episode: called with the number of each row that is checked or simulated.
+            accept: rows of another platform are simulated here, too.
+        """
         self._path, self._workers, self._on_episode = path, workers, on_episode
+        self._accept = accept
         self.mended: list[str] = []
         self.failed: list[str] = []
         self.remade: list[Remade] = []
@@ -190,6 +203,8 @@ class Surgery:
         else:
             self.to_generate = absent
         risky: list[BlockJob] = []
+        foreign: list[Mended] = []
+        lost_text = lost_fingerprint(pieces)
 
         def hear(message: Begun | Made | Mended) -> None:
             if not isinstance(message, Mended):
@@ -198,6 +213,12 @@ class Surgery:
                     self._on_episode(made.index)
             elif message.lost:
                 self._lose(message.lost)
+            elif message.untold:
+                self._leave_untold(message.untold)
+            elif message.foreign and not message.is_risky:
+                foreign.append(message)
+                if self._accept:
+                    self._put_in_place(template, pieces, message)
             elif message.is_risky:
                 risky.append(BlockJob(block=message.block))
             else:
@@ -205,13 +226,20 @@ class Surgery:
 
         def run(executor: Executor, jobs: list[BlockJob]) -> None:
             isolated = isinstance(executor, ProcessExecutor)
-            mender = BlockMender(self._path, template.path, isolated=isolated)
+            mender = BlockMender(
+                self._path,
+                template.path,
+                isolated=isolated,
+                accept=self._accept,
+                lost_text=lost_text,
+            )
             with contextlib.closing(mender):
                 executor.run(mender, jobs, hear, losses.recover, losses.silence)
 
         run(executor_for(self._workers, len(begun), few=FEW), begun)
         if risky:
             run(ProcessExecutor(min(self._workers, len(risky))), risky)
+        self._tell_foreign(foreign)
 
     def _put_in_place(self, template: Template, pieces: Pieces, made: Mended) -> None:
         """Move a block that is complete to its place, at once: the template shall not grow."""
@@ -222,6 +250,25 @@ class Surgery:
         self.remade += made.remade
         rows = pieces.rows_of(made.block)
         self.mended.append(f"rows {rows[0]} to {rows[-1]} are whole again")
+
+    def _tell_foreign(self, blocks: list[Mended]) -> None:
+        """Say of rows of another platform that they were simulated here, or that they were not."""
+        if not blocks:
+            return
+        rows = ", ".join(str(row) for block in blocks for row in block.foreign)
+        why = blocks[0].difference
+        if self._accept:
+            self.mended.append(f"rows {rows} are of this platform now: {why}")
+        else:
+            how = f"repair where they were made, or add {ACCEPT}"
+            what = f"rows {rows} are of another platform and are not simulated here: {why}"
+            self.failed.append(f"{what}; {how}")
+
+    def _leave_untold(self, rows: Iterable[int]) -> None:
+        """Say that rows have lost what tells their platform."""
+        numbers = ", ".join(map(str, rows))
+        what = "cannot be told: the store has rows of several platforms"
+        self.failed.append(f"fingerprints of rows {numbers} {what}")
 
     def _lose(self, rows: Iterable[int]) -> None:
         """Say that rows cannot be made again."""

@@ -9,8 +9,10 @@ import numpy as np
 
 from grasp_factory.errors import StoreError
 from grasp_factory.executors import Executor, InlineExecutor, ProcessExecutor
+from grasp_factory.platforms import PARTS, differing, fingerprint_of, meaning, parsed
 from grasp_factory.records import check, is_integer
 from grasp_factory.replay import changed_since
+from grasp_factory.report_words import count
 from grasp_factory.request import MAX_EPISODES, MAX_WORKERS
 from grasp_factory.verifying.annotated import annotation_problems
 from grasp_factory.verifying.beside import (
@@ -21,7 +23,7 @@ from grasp_factory.verifying.beside import (
     strangers,
 )
 from grasp_factory.verifying.blocks import BlockChecker, Findings
-from grasp_factory.verifying.deep import SEEDS, Simulator, draw, new_seed
+from grasp_factory.verifying.deep import SEEDS, Simulator, draw, elsewhere, new_seed
 from grasp_factory.verifying.documents import group_faults, has_config, root_problem
 from grasp_factory.verifying.pieces import Pieces, open_pieces
 from grasp_factory.verifying.problems import Problem, Report
@@ -87,8 +89,8 @@ def verify(
     seed = new_seed() if deep_seed is None else deep_seed
     simulated = draw(_simulable(pieces, found), deep, seed) if deep else ()
     executor = executor_for(workers, len(simulated), few=1)
-    for differing in executor.run(Simulator(path), simulated, on_episode):
-        problems += differing
+    again = list(executor.run(Simulator(path), simulated, on_episode))
+    problems += [one.problem for one in again if one.problem]
     return Report(
         path=str(path),
         episodes=pieces.rows,
@@ -96,7 +98,7 @@ def verify(
         quarantined=found.quarantined,
         missing=found.missing,
         problems=tuple(problems),
-        notes=(*notes, *strangers(pieces)),
+        notes=(*notes, *strangers(pieces), *_of_platforms(pieces, found), *elsewhere(again)),
         changed=tuple(changed_since(pieces.attributes)),
         simulated=simulated,
         deep_seed=seed if deep else None,
@@ -135,7 +137,21 @@ def _joined(several: Iterable[Findings]) -> Findings:
         out.quarantined += found.quarantined
         out.missing += found.missing
         out.problems += found.problems
+        out.fingerprints += found.fingerprints
     return out
+
+
+def _of_platforms(pieces: Pieces, found: Findings) -> list[str]:
+    """Return a note if rows come from other platforms than that of the store's fingerprint."""
+    begun = fingerprint_of(pieces.attributes)
+    others = {text: n for text, n in found.fingerprints.items() if begun and text != begun.text}
+    if not begun or not others:
+        return []
+    known = [fingerprint for text in others if (fingerprint := parsed(text))]
+    parts = [name for name in PARTS if any(name in differing(begun, other) for other in known)]
+    rows = count(sum(others.values()), "row")
+    return [f"{rows} of other platforms: the fingerprint differs from the store's in "
+            f"{meaning(parts)}"]  # fmt: skip
 
 
 def _simulable(pieces: Pieces, found: Findings) -> list[int]:
