@@ -11,6 +11,7 @@ import click
 
 from grasp_factory.arguments import AS_JSON, IDS, STORE, indices, print_json
 from grasp_factory.errors import UsageError, lookup, shown
+from grasp_factory.platforms import ACCEPT
 from grasp_factory.records import is_integer
 from grasp_factory.yamltext import parse_yaml
 
@@ -24,8 +25,13 @@ OUT = click.argument("out", type=click.Path(path_type=Path))
 @click.command()
 @OUT
 @click.argument("stores", metavar="STORE...", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    ACCEPT, is_flag=True, help="Merge also parts of a seed that were made on different platforms."
+)
 @AS_JSON
-def merge(out: Path, stores: tuple[Path, ...], as_json: bool) -> None:
+def merge(
+    out: Path, stores: tuple[Path, ...], *, accept_other_platform: bool, as_json: bool
+) -> None:
     """Put several stores into one.
 
     Parts of one seed's dataset become that dataset again; stores of different seeds follow one
@@ -36,7 +42,7 @@ def merge(out: Path, stores: tuple[Path, ...], as_json: bool) -> None:
     from grasp_factory.progress import counted
 
     with counted("on_row") as hooks:
-        result = run(stores, out, **hooks)
+        result = run(stores, out, accept_other_platform=accept_other_platform, **hooks)
     _print(result, as_json)
 
 

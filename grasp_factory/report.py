@@ -12,6 +12,7 @@ from grasp_factory.collecting import Collected
 from grasp_factory.collecting.provenance import SeedSource, stored_sources
 from grasp_factory.dryrun import Forecast
 from grasp_factory.factory import Plan, Summary
+from grasp_factory.platforms import FINGERPRINT, fingerprint_of
 from grasp_factory.relabel import Relabelled
 from grasp_factory.replay import Replay
 from grasp_factory.report_distance import distance_text
@@ -105,6 +106,8 @@ def summary_text(summary: Summary) -> str:
 def origin_text(attributes: Mapping[str, Any]) -> str:
     """Return what a store was made with, and from which config."""
     facts = {**attributes["versions"], **attributes["platform"]}
+    if known := fingerprint_of(attributes):
+        facts[FINGERPRINT] = str(known)
     config = {"sha256": attributes["config_sha256"], **attributes["config"]}
     text = yaml.safe_dump(config, sort_keys=False, default_flow_style=None, width=88)
     parts = [table([("made with", ""), *facts.items()])]

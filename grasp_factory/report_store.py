@@ -39,6 +39,9 @@ def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
     if store.annotated:
         corrected = f", {store.corrected} with a corrected label" if store.corrected else ""
         head.append(f"{count(store.annotated, 'row')} annotated by people{corrected}")
+    if len(store.platforms) > 1:
+        head.append(f"made on {len(store.platforms)} platforms, by the fingerprint of each row:")
+        head += [f"  {count(n, 'row')} on {known}" for known, n in store.platforms.items()]
     tables = {
         "policy": _tally_table("policy", store.policies),
         "outcome": _outcome_table(store),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import compress
 from typing import Any, TypeVar
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from grasp_factory.annotations.listing import tag_counts
 from grasp_factory.dataset import Dataset
 from grasp_factory.outcome import Outcome, names
+from grasp_factory.platforms import parsed
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.sizes import store_bytes
 from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
@@ -62,6 +63,8 @@ class StoreSummary:
     """Rows whose label people have corrected."""
     tags: Mapping[str, int]
     """How many rows have each tag, the most frequent first."""
+    platforms: Mapping[str, int]
+    """Rows by the fingerprint of the platform that made them; those that tell none are left out."""
     bytes: int
     """Of all files, but what a run that was killed has left of its last blocks."""
     bytes_per_episode: int | None
@@ -70,7 +73,7 @@ class StoreSummary:
 def summarise(dataset: Dataset) -> StoreSummary:
     """Count what a dataset holds."""
     columns = Columns.open(dataset.path)
-    newer = [name for name in ("quality", "object_family") if name in columns.names]
+    newer = [name for name in ("quality", "object_family", "fingerprint") if name in columns.names]
     read = columns.read("status", "success", "outcome", "policy", "object_set", "split", *newer)
     status = read["status"]
     made = status == COMMITTED
@@ -101,9 +104,16 @@ def summarise(dataset: Dataset) -> StoreSummary:
         annotated=len(said),
         corrected=sum(annotation.outcome is not None for annotation in said),
         tags=tag_counts(said),
+        platforms=platforms_of(read["fingerprint"].tolist()) if "fingerprint" in read else {},
         bytes=size,
         bytes_per_episode=round(size / total.episodes) if total.episodes else None,
     )
+
+
+def platforms_of(texts: Iterable[str]) -> dict[str, int]:
+    """Return how many of these texts of rows tell each fingerprint, the most frequent first."""
+    told = {str(found): n for text, n in Counter(texts).items() if (found := parsed(text))}
+    return dict(sorted(told.items(), key=lambda item: (-item[1], item[0])))
 
 
 def array_facts(dataset: Dataset) -> list[dict[str, Any]]:

@@ -8,16 +8,21 @@ import re
 import shutil
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from elsewhere import HERE, THERE, set_texts
 from fake_episodes import JOINTS, make_rows, small_config
 from hypothesis import given
 from hypothesis import strategies as st
+from stored import old_store
 
+from grasp_factory import factory
 from grasp_factory.annotations import AnnotationLog
 from grasp_factory.cli import cli
+from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
 from grasp_factory.report_store import BAR, GROUPS, MOST_ROWS, store_text
 from grasp_factory.report_words import bar
@@ -116,7 +121,7 @@ def summary(families: dict[str, int], outcomes: dict[str, int]) -> StoreSummary:
         policies={"a": Tally(episodes=committed, successes=0, success_rate=0.0)},
         outcomes=outcomes, families=tallies, families_by_policy={f: {} for f in families},
         object_sets={}, splits={}, quality={}, annotated=0, corrected=0, tags={}, bytes=0,
-        bytes_per_episode=None,
+        bytes_per_episode=None, platforms={},
     )  # fmt: skip
 
 
@@ -156,3 +161,41 @@ def test_a_store_without_episodes_has_its_tables(tmp_path: Path) -> None:
     text = store_text(summarise(Dataset.open(tmp_path / "empty.zarr")), GROUPS)
     assert "3 of 3 are missing" in text
     assert "outcome  episodes  share" in text
+
+
+class TestPlatforms:
+    def test_the_fingerprint_is_told(self, tmp_path: Path, run: Any) -> None:
+        store = generated(tmp_path)
+        code, out, _ = run("info", store)
+        assert code == 0
+        assert str(HERE) in out
+        assert "platforms" not in out
+        told = json.loads(run("info", store, "--json")[1])
+        assert told["attributes"]["fingerprint"] == HERE.parts()
+        assert told["platforms"] == {str(HERE): 3}
+        assert set(told["attributes"]["platform"]) == {
+            *("machine", "libc", "cpu", "level", "kernels")
+        }
+
+    def test_rows_of_several_platforms_are_counted(self, tmp_path: Path, run: Any) -> None:
+        store = generated(tmp_path)
+        set_texts(store, {1: THERE.text})
+        out = run("info", store)[1]
+        assert "made on 2 platforms" in out
+        assert f"  2 rows on {HERE}\n  1 row on {THERE}\n" in out
+
+    def test_a_store_of_a_version_without_fingerprints_has_none(
+        self, tmp_path: Path, run: Any
+    ) -> None:
+        code, out, _ = run("info", old_store(tmp_path))
+        assert code == 0
+        assert "fingerprint" not in out
+        told = json.loads(run("info", tmp_path / "old.zarr", "--json")[1])
+        assert told["platforms"] == {}
+
+
+def generated(folder: Path) -> Path:
+    """Return a new store of three rows."""
+    config = FactoryConfig(resolution=(32, 24), block_size=4)
+    factory.generate(config, 3, folder / "ds.zarr", workers=1)
+    return folder / "ds.zarr"

@@ -18,11 +18,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from elsewhere import HERE, THERE, set_texts
 from fake_episodes import JOINTS, make_rows, small_config
 from helpers import assert_same_tree, tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import SMALL
+from stored import old_store
 
 from grasp_factory import factory
 from grasp_factory.collecting import Collected, building, merge, split
@@ -37,9 +39,11 @@ from grasp_factory.errors import (
     UsageError,
 )
 from grasp_factory.outcome import Outcome
+from grasp_factory.platforms import FINGERPRINT, Fingerprint
 from grasp_factory.relabel import relabel
 from grasp_factory.replay import replay
 from grasp_factory.sections import LabelConfig
+from grasp_factory.verifying import verify
 from grasp_factory.writers import ZarrWriter, packing
 from grasp_factory.writers.files import write_aside
 from grasp_factory.writers.header import root_attributes
@@ -896,3 +900,104 @@ class TestOwnObjects:
         assert tree(tmp_path / "out" / "objects") == want
         with pytest.raises(StoreError, match=r"objects/mine is damaged; run `grasp-factory ver"):
             merge(parts[1][:1], tmp_path / "again")
+
+
+class TestPlatforms:
+    """Rows keep the fingerprint of where they were made, and within a seed there is one."""
+
+    @pytest.fixture
+    def here(self, tmp_path: Path) -> Path:
+        return told(make_store(tmp_path / "here", blocks=[0, 2]), HERE)
+
+    @pytest.fixture
+    def there(self, tmp_path: Path) -> Path:
+        return told(make_store(tmp_path / "there", blocks=[1, 3]), THERE)
+
+    def test_parts_of_one_platform_are_that_dataset_whatever_the_machine(
+        self, here: Path, tmp_path: Path
+    ) -> None:
+        far = make_store(tmp_path / "far", blocks=[1, 3], **with_fact("platform", cpu="Z80"))
+        done = merge([here, told(far, HERE)], tmp_path / "out")
+        assert done.warnings == ()
+        whole = told(make_store(tmp_path / "whole"), HERE)
+        assert Dataset.open(tmp_path / "out").column("fingerprint").tolist() == [HERE.text] * N
+        assert rows_of(tmp_path / "out") == rows_of(whole)
+
+    def test_rows_of_one_seed_from_two_platforms_are_refused(
+        self, here: Path, there: Path, tmp_path: Path
+    ) -> None:
+        what = (
+            r"hold episodes of seed 0 from different platforms: the fingerprint differs in engine"
+            r" \(simulation steps\); keep them apart, or add --accept-other-platform"
+        )
+        with pytest.raises(StoreMismatchError, match=what):
+            merge([here, there], tmp_path / "out")
+        done = run("merge", tmp_path / "out", here, there)
+        assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+        assert not (tmp_path / "out").exists()
+
+    def test_accepted_it_is_warned_of_and_each_row_keeps_its_own(
+        self, here: Path, there: Path, tmp_path: Path
+    ) -> None:
+        done = merge([here, there], tmp_path / "out", accept_other_platform=True)
+        (warning,) = done.warnings
+        assert "seed 0 from different platforms" in warning
+        texts = Dataset.open(tmp_path / "out").column("fingerprint").tolist()
+        want = [THERE.text if row // SIZE in (1, 3) else HERE.text for row in range(N)]
+        assert texts == want
+        assert [maker.fingerprint for maker in done.sources[0].made_with] == [
+            HERE.parts(),
+            THERE.parts(),
+        ]
+        again = merge([tmp_path / "out"], tmp_path / "again")
+        assert again.warnings == ()
+        split(tmp_path / "out", tmp_path / "few", [1, SIZE + 2])
+        few = Dataset.open(tmp_path / "few").column("fingerprint").tolist()
+        assert few == [want[1], want[SIZE + 2]]
+
+    def test_seeds_of_two_platforms_are_warned_of(self, here: Path, tmp_path: Path) -> None:
+        other = told(make_store(tmp_path / "other", OTHER, blocks=[0]), THERE)
+        done = merge([here, other], tmp_path / "out")
+        (warning,) = done.warnings
+        assert "were made on different platforms: the fingerprint differs in engine" in warning
+        sources = Dataset.open(tmp_path / "out").attributes["sources"]
+        assert [s["made_with"][0]["fingerprint"] for s in sources] == [HERE.parts(), THERE.parts()]
+
+    def test_a_part_that_holds_rows_of_both_differs_from_one_that_does_not(
+        self, here: Path, tmp_path: Path
+    ) -> None:
+        mixed = told(make_store(tmp_path / "mixed", blocks=[1, 3]), HERE)
+        set_texts(mixed, {SIZE: THERE.text})
+        with pytest.raises(StoreMismatchError, match="from different platforms"):
+            merge([here, mixed], tmp_path / "out")
+
+    def test_stores_of_a_version_without_fingerprints_are_merged_as_before(
+        self, tmp_path: Path
+    ) -> None:
+        old = old_store(tmp_path)
+        done = merge([old], tmp_path / "out")
+        assert done.warnings == ()
+        split(tmp_path / "out", tmp_path / "few", [0, 2])
+        for store in (tmp_path / "out", tmp_path / "few"):
+            assert set(Dataset.open(store).column("fingerprint").tolist()) == {""}
+            assert verify(store).is_whole
+
+    def test_a_store_put_together_by_a_version_without_fingerprints_is_read(
+        self, stores: Path, tmp_path: Path
+    ) -> None:
+        merge([stores / "even", stores / "other"], tmp_path / "out")
+        sources = Dataset.open(tmp_path / "out").attributes["sources"]
+        for source in sources:
+            for maker in source["made_with"]:
+                del maker["fingerprint"]
+        edit_attributes(tmp_path / "out", sources=sources)
+        done = merge([tmp_path / "out"], tmp_path / "again")
+        assert [maker.fingerprint for maker in done.sources[0].made_with] == [{}]
+
+
+def told(store: Path, fingerprint: Fingerprint) -> Path:
+    """Let a store and its rows tell a platform; return it."""
+    edit_attributes(store, **{FINGERPRINT: fingerprint.parts()})
+    rows = np.flatnonzero(Dataset.open(store).status)
+    set_texts(store, dict.fromkeys(rows.tolist(), fingerprint.text))
+    return store

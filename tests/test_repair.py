@@ -51,8 +51,7 @@ from grasp_factory.platforms import FINGERPRINT
 from grasp_factory.rollout import run_episode
 from grasp_factory.summary import summarise
 from grasp_factory.trouble import GO_ON
-from grasp_factory.verifying import repair, verify
-from grasp_factory.verifying.mending import files_of
+from grasp_factory.verifying import mending, repair, verify
 from grasp_factory.verifying.pieces import open_pieces
 from grasp_factory.writers import packing
 from grasp_factory.writers.lock import StoreLock
@@ -727,7 +726,7 @@ class TestOnAnotherPlatform:
     def test_blocks_that_are_gone_are_left_unless_that_is_accepted(
         self, copy: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        for file in files_of(copy, open_pieces(copy)[0], 1):
+        for file in mending.files_of(copy, open_pieces(copy)[0], 1):
             file.unlink(missing_ok=True)
         move(monkeypatch)
         (line,) = repair(copy).failed

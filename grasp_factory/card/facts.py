@@ -16,6 +16,7 @@ from grasp_factory.dataset import Dataset
 from grasp_factory.errors import StoreError, UsageError
 from grasp_factory.outcome import Outcome, names
 from grasp_factory.splits import SPLITS
+from grasp_factory.summary import platforms_of
 from grasp_factory.writers.columns import Columns
 from grasp_factory.writers.sizes import store_bytes
 
@@ -63,6 +64,8 @@ class Facts:
     """Episodes by score, the best first; none for stores from before there were scores."""
     reasons: tuple[tuple[str, int], ...]
     """Why rows are quarantined, and how many: the most frequent first."""
+    platforms: Mapping[str, int]
+    """Rows by the fingerprint that they tell, the most frequent first."""
     labels: tuple[AddedLabel, ...]
     table: tuple[Column, ...]
     """The episodes; see ``table``."""
@@ -118,6 +121,7 @@ def read_facts(dataset: Dataset) -> Facts:
         outcomes={w: int(n) for w, n in zip(names(Outcome), outcomes, strict=False) if n},
         quality={int(s): int(n) for s, n in zip(*(x[::-1] for x in scores), strict=True)},
         reasons=_reasons(columns, np.flatnonzero(status == 2)),
+        platforms=_platforms(columns),
         labels=labels,
         table=(row, *own, *label_columns),
     )
@@ -154,6 +158,12 @@ def _reasons(columns: Columns, rows: NDArray[np.int64]) -> tuple[tuple[str, int]
         return ()
     found = Counter(str(columns.read_rows("error", i, i + 1)[0]) for i in rows.tolist())
     return tuple(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _platforms(columns: Columns) -> dict[str, int]:
+    if "fingerprint" not in columns.names:
+        return {}
+    return platforms_of(columns.read("fingerprint")["fingerprint"].tolist())
 
 
 def _labels(

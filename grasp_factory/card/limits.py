@@ -27,7 +27,8 @@ def known_limits(config: FactoryConfig) -> tuple[str, ...]:
         "The label is one definition of success, by one gripper with one force and one shake. How"
         " often each class occurs follows from the policies and objects that were drawn, not from"
         " how hard grasping is.",
-        "Bytes can be made again on the platform named here; elsewhere the last bits may differ.",
+        "Bytes can be made again on the platform named here, and on any other whose fingerprint is"
+        " the same; elsewhere last bits differ, and with them now and then an outcome.",
     )
 
 

@@ -18,6 +18,7 @@ from grasp_factory.card.meanings import MEANINGS, label_conditions, thresholds_t
 from grasp_factory.collecting.provenance import stored_sources
 from grasp_factory.config import FactoryConfig
 from grasp_factory.outcome import Outcome
+from grasp_factory.platforms import FINGERPRINT, fingerprint_of
 from grasp_factory.report import count, percent, size_text
 from grasp_factory.writers.header import SOURCES
 
@@ -239,8 +240,14 @@ def _origin(contents: Contents) -> Iterator[str]:
         command = f"grasp-factory generate --config {CONFIG_FILE} --n {contents.facts.rows}"
         yield fenced(f"{command} --out {name}", "")
     facts = {**attributes["versions"], **attributes["platform"]}
+    if known := fingerprint_of(attributes):
+        facts[FINGERPRINT] = str(known)
     facts["config_sha256"] = attributes["config_sha256"]
     yield table(("made with", ""), [(word(k), word(str(v))) for k, v in facts.items()])
+    if len(contents.facts.platforms) > 1:
+        yield "Its rows were made on several platforms, which `episodes/fingerprint` tells:"
+        rows = [(n, word(known)) for known, n in contents.facts.platforms.items()]
+        yield table(("rows", "fingerprint"), _most(rows), (0,))
     yield details("The config", fenced(config_text(config), "yaml"))
 
 

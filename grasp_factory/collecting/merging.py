@@ -8,12 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from grasp_factory.collecting.building import Order, build
+from grasp_factory.collecting.foreign import check_platforms
 from grasp_factory.collecting.place import Place
-from grasp_factory.collecting.provenance import Maker, generator_difference, seed_sources
+from grasp_factory.collecting.provenance import (
+    Maker,
+    generator_difference,
+    seed_sources,
+    surroundings_difference,
+)
 from grasp_factory.collecting.result import Collected
 from grasp_factory.collecting.source import Source
 from grasp_factory.collecting.union import Union, in_place, union
-from grasp_factory.config import first_difference
 from grasp_factory.errors import StoreMismatchError, UsageError
 
 
@@ -21,6 +26,7 @@ def merge(
     stores: Iterable[Path | str],
     out: Path | str,
     *,
+    accept_other_platform: bool = False,
     on_start: Callable[[int], None] = lambda rows: None,
     on_row: Callable[[], None] = lambda: None,
 ) -> Collected:
@@ -34,6 +40,7 @@ def merge(
         stores: paths of stores whose configs differ in the seed at most. They may be written
             meanwhile; what is committed when they are opened goes in.
         out: where nothing is yet, or an empty directory.
+        accept_other_platform: merge also rows of one seed whose fingerprints differ.
         on_start: called with the number of rows to copy, after every check.
         on_row: called for each row when it has been written, read back and compared.
 
@@ -45,6 +52,7 @@ def merge(
     place = Place(out)
     sources = _open(stores)
     place.check_apart(source.place for source in sources)
+    of_platforms = check_platforms(sources, accept=accept_other_platform)
     found = union([source.present() for source in sources])
     _check_repeats(sources, found)
     seeds = {source.config.seed for source in sources}
@@ -60,7 +68,7 @@ def merge(
         seeds=seed_sources(found.plan, [s.makers for s in sources], first),
         is_plain=is_plain,
         repeats=found.repeats,
-        warnings=tuple(_warnings(sources)),
+        warnings=(*of_platforms, *_warnings(sources)),
     )
     return build(order, on_start, on_row)
 
@@ -119,12 +127,17 @@ def _check_repeats(sources: Sequence[Source], found: Union) -> None:
 
 
 def _warnings(sources: Sequence[Source]) -> Iterable[str]:
-    """Give a line for each store whose part of a seed was made elsewhere."""
+    """Give a line for each store whose part of a seed was made elsewhere, where nothing else tells.
+
+    Fingerprints tell whether that matters, where both have one.
+    """
     made: dict[int, tuple[Maker, Source]] = {}
     for source in sources:
         for seed, makers in source.makers.items():
             before, other = made.setdefault(seed, (makers[0], source))
-            if found := first_difference(makers[0].rest, before.rest):
+            if makers[0].fingerprint and before.fingerprint:
+                continue
+            if found := surroundings_difference(makers[0], before):
                 yield (
                     f"{source.path} and {other.path} hold episodes of seed {seed} from other"
                     f" surroundings ({found}): images and forces may differ in their last bits"

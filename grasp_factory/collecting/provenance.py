@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from grasp_factory.collecting.union import Plan
 from grasp_factory.config import FactoryConfig, first_difference
 from grasp_factory.errors import ConfigError, StoreError
+from grasp_factory.platforms import FINGERPRINT
 from grasp_factory.records import from_plain
 from grasp_factory.writers.header import SOURCES
 
@@ -21,10 +22,12 @@ GENERATORS = ("grasp_factory", "pybullet", "numpy", "torch")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Maker:
-    """Versions and platform that episodes were made with."""
+    """Versions and platform that episodes were made with, and its fingerprint."""
 
     versions: Mapping[str, str]
     platform: Mapping[str, str]
+    fingerprint: Mapping[str, str] = field(default_factory=dict)
+    """Of the platform that began the store; empty where a version without them made it."""
 
     @property
     def generators(self) -> dict[str, str]:
@@ -65,7 +68,8 @@ def makers_of(path: Path, attributes: Mapping[str, Any], seed: int) -> dict[int,
     try:
         if SOURCES in attributes:
             return {source.seed: source.made_with for source in stored_sources(attributes)}
-        facts = {key: attributes[key] for key in ("versions", "platform")}
+        keys = ("versions", "platform", FINGERPRINT)
+        facts = {key: attributes[key] for key in keys if key in attributes}
         return {seed: (from_plain(Maker, facts),)}
     except (ConfigError, StoreError) as error:
         raise StoreError(f"{path} is damaged: zarr.json: {error}") from None
@@ -111,6 +115,13 @@ def seed_sources(
 def generator_difference(a: Maker, b: Maker) -> str:
     """Return how the versions that decide an episode's bytes differ; empty if they do not."""
     return first_difference(a.generators, b.generators) or ""
+
+
+def surroundings_difference(a: Maker, b: Maker) -> str:
+    """Return how other versions and the platform differ, in what both tell; empty if not."""
+    known = a.rest.keys() & b.rest.keys()
+    mine, others = ({k: v for k, v in maker.rest.items() if k in known} for maker in (a, b))
+    return first_difference(mine, others) or ""
 
 
 def _once(makers: Iterable[Maker]) -> tuple[Maker, ...]:

@@ -14,7 +14,7 @@ from grasp_factory.collecting.union import Rows
 from grasp_factory.config import first_difference
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.platforms import FINGERPRINT
+from grasp_factory.platforms import FINGERPRINT, fingerprint_of, is_fingerprint
 from grasp_factory.writers.files import locate
 from grasp_factory.writers.header import SOURCES
 from grasp_factory.writers.seals import SEAL, is_sealed
@@ -98,6 +98,25 @@ class Source:
             StoreError: if it is damaged.
         """
         return self._dataset.column("checksum")
+
+    def fingerprints(self) -> dict[int, frozenset[str]]:
+        """Return by seed the texts of the platforms that its rows were made on, as far as told.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        name, begun = "fingerprint", fingerprint_of(self.attributes)
+        rows = self.present()
+        texts = [""] * len(rows.row)
+        if name in self._dataset.columns:
+            texts = self._dataset.column(name)[rows.row].tolist()
+        if begun and not self.is_collected:
+            texts = [text or begun.text for text in texts]
+        told: dict[int, set[str]] = {}
+        for seed, text in set(zip(rows.seed.tolist(), texts, strict=True)):
+            if is_fingerprint(text):
+                told.setdefault(seed, set()).add(text)
+        return {seed: frozenset(found) for seed, found in told.items()}
 
     def labels(self) -> list[str]:
         """Return the names of the labels that were added to it."""
