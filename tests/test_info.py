@@ -21,6 +21,7 @@ from stored import old_store
 
 from grasp_factory import factory
 from grasp_factory.annotations import AnnotationLog
+from grasp_factory.card import markdown
 from grasp_factory.cli import cli
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
@@ -183,6 +184,19 @@ class TestPlatforms:
         out = run("info", store)[1]
         assert "made on 2 platforms" in out
         assert f"  2 rows on {HERE}\n  1 row on {THERE}\n" in out
+
+    def test_a_dataset_card_names_them_with_their_rows(self, tmp_path: Path, run: Any) -> None:
+        store, card = generated(tmp_path), tmp_path / "card"
+        assert run("card", store, "--out", card)[0] == 0
+        text = (card / "README.md").read_text(encoding="utf-8")
+        assert markdown.word(str(HERE)) in text
+        assert "several platforms" not in text
+        assert "on any other whose fingerprint is the same" in text
+        set_texts(store, {1: THERE.text})
+        assert run("card", store, "--out", card)[0] == 0
+        text = (card / "README.md").read_text(encoding="utf-8")
+        assert "made on several platforms" in text
+        assert f"| 1 | {markdown.word(str(THERE))} |" in text
 
     def test_a_store_of_a_version_without_fingerprints_has_none(
         self, tmp_path: Path, run: Any
