@@ -291,7 +291,7 @@ class TestReplay:
         text = run("replay", store, 1)
         assert text.code == 1
         assert "does not replay to the same bytes" in text.out
-        assert "versions and platform are those of the recording" in text.out
+        assert "fingerprint and versions are the recording's, so the bytes should be" in text.out
 
     @pytest.mark.parametrize("index", [4, "x"])
     def test_of_no_episode_exits_with_2(self, run: Run, store: Path, index: object) -> None:

@@ -110,7 +110,7 @@ class TestRows:
     def test_it_has_every_scalar_column_of_the_store(self, store: Path) -> None:
         known = {column.name for column in COLUMNS}
         scalar = {n for n in Dataset.open(store).columns if Dataset.open(store).column(n).ndim == 1}
-        assert scalar - known == {"spec"}
+        assert scalar - known == {"spec", "fingerprint"}
 
     def test_values_are_the_stores(self, store: Path, index: Index) -> None:
         dataset = Dataset.open(store)

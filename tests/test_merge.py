@@ -668,8 +668,8 @@ class TestRefusals:
     ) -> None:
         write = ZarrWriter.write_block
 
-        def forgetful(self: ZarrWriter, block: int, rows: Any) -> None:
-            write(self, block, [*rows[:-1], rows[0]] if self._is_collected else rows)
+        def forgetful(self: ZarrWriter, block: int, rows: Any, texts: Any) -> None:
+            write(self, block, [*rows[:-1], rows[0]] if self._is_collected else rows, texts)
 
         monkeypatch.setattr(building.ZarrWriter, "write_block", forgetful)
         with pytest.raises(StoreError, match="after writing, rows 0 to 3 are others; disk or"):
