@@ -5,16 +5,18 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import geometry
+from grasp_factory import elementary, geometry, linear
 from grasp_factory.camera import Camera, Intrinsics, Light
 from grasp_factory.config import FactoryConfig
 from grasp_factory.geometry import Pose
+from grasp_factory.networks.known import known_log_odds
 from grasp_factory.platforms import Fingerprint
 from grasp_factory.renderer import Renderer
 from grasp_factory.stepping import PhysicsConfig
@@ -42,7 +44,13 @@ def fingerprint(config: FactoryConfig) -> Fingerprint:
         UsageError: if the config's renderer cannot be loaded here.
         GraspFactoryError: if it is egl, and a world of this process has OpenGL.
     """
-    return _measured(config.renderer)
+    measured = _measured(config.renderer)
+    return replace(measured, network=_network()) if config.models else measured
+
+
+@cache
+def _network() -> str:
+    return _digest_of(known_log_odds())
 
 
 @cache
@@ -113,12 +121,21 @@ def _arithmetic() -> str:
     return _digest_of(
         *(a + b, a - b, a * b, a / b, np.sqrt(b)),
         *(rng.uniform(-2.0, 3.0, 64), rng.integers(0, 1000, 64)),
+        *elementary.sincos(a),
+        *(elementary.arctan2(a, b), elementary.exp(a), elementary.log(b)),
+        *(elementary.arccos(k / 64.0), elementary.normal(rng, 64)),
         *_transforms(),
+        *_solutions(),
     )
 
 
+def _solutions() -> Iterable[NDArray[Any]]:
+    A = np.arange(36.0).reshape(6, 6) % 7.0 / 7.0
+    definite = linear.product(A, A.T) + np.eye(6)
+    yield from (definite, linear.solve_definite(definite, A[0]), linear.norm(A))
+
+
 def _transforms() -> Iterable[NDArray[Any]]:
-    """Give results of ``geometry``; those of other routines of this package belong here, too."""
     axis = np.array([0.48, 0.6, 0.64])
     for k in range(8):
         R = geometry.rotation_about(axis, 0.9 * k - 3.0)

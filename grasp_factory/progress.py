@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,16 +25,29 @@ if TYPE_CHECKING:
     from grasp_factory.live import LiveView
 
 _BAR = "{percentage:3.0f} % |{bar}| {n}/{total} [{elapsed}, {remaining} left, {rate_fmt}{postfix}]"
+READ_S = 10.0
+"""Seconds that a stopped run takes at most to count what is there."""
 tqdm.monitor_interval = 0  # no helper thread: signals and spawned workers stay simple
 
 
 def stopped_text(path: Path) -> str:
-    """Return one line on a run that was stopped, and how to go on."""
-    try:
-        made = f"{len(Dataset.open(path).committed)} episodes are in {path}"
-    except GraspFactoryError:
-        made = "nothing is made yet"
-    return f"Stopped: {made}; run the same command again to go on."
+    """Return one line on a run that was stopped, and how to go on.
+
+    The store is read in a thread that is given up after a while: the signal may have come as Zarr
+    started its own thread, and whoever reads would then wait for ever.
+    """
+    made = ["what was committed is there"]
+
+    def read() -> None:
+        try:
+            made[0] = f"{len(Dataset.open(path).committed)} episodes are in {path}"
+        except (GraspFactoryError, OSError):
+            made[0] = "nothing is made yet"
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    reader.join(READ_S)
+    return f"Stopped: {made[0]}; run the same command again to go on."
 
 
 class Counter:

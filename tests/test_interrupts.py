@@ -8,6 +8,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ from pathlib import Path
 import pytest
 from helpers import assert_same_tree
 
+from grasp_factory import progress
 from grasp_factory.dataset import Dataset
 from grasp_factory.stopping import RETRY_S
 
@@ -191,6 +193,15 @@ def test_a_run_that_is_stopped_at_random_instants_ends_in_the_same_bytes(
         stopped += process.returncode != 0  # a signal at Python's very end kills: a shell's 130
     assert stopped > 0
     check_completion(out, want)
+
+
+def test_a_reader_that_waits_for_ever_does_not_hold_up_a_stopped_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(progress, "READ_S", 0.05)
+    monkeypatch.setattr(progress.Dataset, "open", lambda path: threading.Event().wait())
+    said = progress.stopped_text(Path("ds.zarr"))
+    assert said == "Stopped: what was committed is there; run the same command again to go on."
 
 
 CHILD = """

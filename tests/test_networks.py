@@ -39,7 +39,9 @@ from grasp_factory.networks import (
     width_of,
 )
 from grasp_factory.networks.inputs import DEEPEST, HEIGHT_UNIT, IMAGE, WIDTH
+from grasp_factory.networks.known import known_log_odds
 from grasp_factory.networks.model import CHUNK, STEP
+from grasp_factory.networks.nets import GraspNet
 from grasp_factory.outcome import Label, Phase
 
 SHAPE = CropShape()
@@ -301,6 +303,23 @@ class TestLogOdds:
         exact = model.slope * model.raw_logits(inputs) + model.offset
         assert np.abs(found - exact).max() <= STEP / 2.0 + 1e-3 * STEP
         np.testing.assert_allclose(found / STEP, np.rint(found / STEP), atol=1e-9)
+
+
+class TestKnownAnswers:
+    def test_are_the_same_each_time_and_of_many_kinds(self) -> None:
+        found = known_log_odds()
+        assert found.tobytes() == known_log_odds().tobytes()
+        assert len(np.unique(found)) > 100
+
+    def test_tell_kernels_that_are_not_exact_enough(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        exact = known_log_odds()
+        answer = GraspNet.forward
+
+        def coarse(net: GraspNet, inputs: Mapping[str, torch.Tensor]) -> torch.Tensor:
+            return answer(net, {n: v.bfloat16().to(v.dtype) for n, v in inputs.items()})
+
+        monkeypatch.setattr(GraspNet, "forward", coarse)
+        assert known_log_odds().tobytes() != exact.tobytes()
 
 
 def header_of(data: bytes) -> dict[str, Any]:
