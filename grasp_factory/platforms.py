@@ -16,7 +16,7 @@ PARTS: Mapping[str, str] = {
     "images": "rendered images",
     "libm": "the C library's sine and its kind",
     "arithmetic": "arithmetic of numpy and of this package",
-    "network": "scores of the trained model",
+    "network": "answers of torch's networks",
 }
 """What each part of a fingerprint is made from."""
 FINGERPRINT = "fingerprint"
