@@ -9,6 +9,7 @@ import numpy as np
 from grasp_factory.crops import CropShape
 from grasp_factory.geometry import Array
 from grasp_factory.networks.inputs import IMAGE, KINDS, WIDTH, TouchWindow
+from grasp_factory.networks.loading import require
 from grasp_factory.networks.model import CHUNK, GraspModel
 
 KIND = "vision"
@@ -23,7 +24,11 @@ def known_log_odds() -> Array:
 
     They are other numbers where kernels are less exact than single precision should be, and where a
     learned policy may therefore rank grasps otherwise.
+
+    Raises:
+        UsageError: if torch is not installed.
     """
+    require("torch", "safetensors")
     import torch
 
     from grasp_factory.networks.nets import GraspNet
