@@ -20,7 +20,6 @@ from grasp_factory.episode_distance import (
 from grasp_factory.errors import RecipeError, StoreError, UsageError
 from grasp_factory.fingerprint import fingerprint
 from grasp_factory.platforms import (
-    NO_FINGERPRINT,
     Fingerprint,
     differing,
     fingerprint_of,
@@ -30,7 +29,7 @@ from grasp_factory.platforms import (
 from grasp_factory.rollout import run_episode
 from grasp_factory.world import World
 from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.header import SOURCES, root_attributes
+from grasp_factory.writers.header import root_attributes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +61,8 @@ class Replay:
     def platform(self) -> str:
         """One line on what the platform has to do with it; empty where there is nothing to say."""
         if not self.fingerprint:
-            return f"{NO_FINGERPRINT}: whether bytes must be the same here is not known"
+            what = "the store does not tell which platform made the episode"
+            return f"{what}: whether bytes must be the same here is not known"
         if self.differing:
             what = f"the fingerprint differs from the recording's in {meaning(self.differing)}"
             return f"{what}: bytes need not be the same here; compare where it was recorded"
@@ -121,12 +121,9 @@ def replay(path: Path, index: int) -> Replay:
 
 def made_on(dataset: Dataset, index: int) -> Fingerprint | None:
     """Return the fingerprint of the platform that made a row; None where nothing tells it."""
-    text = ""
-    if "fingerprint" in dataset.columns:
-        text = str(Columns.open(dataset.path).read_rows("fingerprint", index, index + 1)[0])
-    if text or SOURCES in dataset.attributes:
-        return parsed(text)
-    return fingerprint_of(dataset.attributes)
+    if "fingerprint" not in dataset.columns:
+        return fingerprint_of(dataset.attributes)
+    return parsed(str(Columns.open(dataset.path).read_rows("fingerprint", index, index + 1)[0]))
 
 
 def check_index(dataset: Dataset, index: int) -> int:

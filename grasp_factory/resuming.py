@@ -36,7 +36,7 @@ def check_platform(request: Request) -> None:
     if not found or not len(rows_to_make(request)):
         return
     if known is None:
-        begun = f"{path}: {found}, so nobody knows whether episodes made here have the same bytes"
+        begun = f"{path} cannot be compared with this platform, because {found}"
     else:
         begun = f"{path} was begun on another platform: {found}, so bytes of new episodes differ"
     if not request.accept_other_platform:

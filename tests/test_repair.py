@@ -54,6 +54,7 @@ from grasp_factory.trouble import GO_ON
 from grasp_factory.verifying import mending, repair, verify
 from grasp_factory.verifying.pieces import open_pieces
 from grasp_factory.writers import packing
+from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.lock import StoreLock
 from grasp_factory.writers.seals import set_rows
 
@@ -745,25 +746,42 @@ class TestOnAnotherPlatform:
 
 
 class TestAFingerprintThatIsLost:
-    def test_is_that_of_all_other_rows(self, copy: Path) -> None:
+    def test_is_this_platforms_where_the_episode_has_the_same_bytes_here(self, copy: Path) -> None:
         before = tree(copy)
         shutil.rmtree(copy / "packed")
         set_texts(copy, {1: "nonsense", 4: ""})
         result = repair(copy)
         assert result.is_whole
-        assert result.remade == ()
+        assert [(made.episode, made.is_same) for made in result.remade] == [(1, True), (4, True)]
         assert Dataset.open(copy).column("fingerprint").tolist() == [HERE.text] * N
         assert {k for k, v in before.items() if tree(copy).get(k) != v} == set()
 
-    def test_stays_lost_where_rows_are_of_several_platforms(self, copy: Path) -> None:
+    def test_comes_back_with_its_file_in_one_run(self, copy: Path) -> None:
+        before = tree(copy)
         shutil.rmtree(copy / "packed")
-        set_texts(copy, {1: "nonsense", 5: THERE.text})
-        result = repair(copy)
+        (copy / "episodes/fingerprint/0").unlink()
+        assert repair(copy).is_whole
+        assert {k for k, v in before.items() if tree(copy).get(k) != v} == set()
+
+    def test_stays_lost_where_the_episode_has_other_bytes_here(
+        self, copy: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shutil.rmtree(copy / "packed")
+        set_texts(copy, {1: ""})
+        monkeypatch.setattr(
+            mending.BlockMaker, "make_row", lambda self, spec, lost: Quarantined(spec, "elsewhere")
+        )
+        found = tree(copy)
+        result = repair(copy, 1)
         assert not result.is_whole
         assert result.remade == ()
-        assert result.failed == (
-            "fingerprints of rows 1 cannot be told: the store has rows of several platforms",
+        assert (
+            "are lost, and the rows have other bytes when they are simulated here"
+            in (result.failed[0])
         )
+        assert tree(copy) == found
+        (problem, *_) = result.after.problems
+        assert problem.array == "episodes/fingerprint"
 
 
 class TestAStoreOfAVersionWithoutFingerprints:

@@ -18,6 +18,8 @@ from tiny_models import tiny_model
 HERE = Path(__file__).parent
 ASKED = ("default:4", "strong:2", "panda:2", "video:1", "wrist:1", "mixture:4")
 """A small form of what docs/physics.md has figures of."""
+OPENCV_FEATURES = "SSE4.1,SSE4.2,AVX,FP16,AVX2,AVX512-SKX"
+"""All that OpenCV's wheels have code for beside the baseline; it only warns of other names."""
 
 
 def is_openblas_of_a_wheel() -> bool:
@@ -130,8 +132,20 @@ def test_bytes_do_not_depend_on_the_kernels_of_blas(kernels):
 @pytest.mark.skipif(not dispatched(), reason="NumPy uses nothing beyond its baseline here")
 def test_bytes_do_not_depend_on_what_numpy_and_opencv_find_in_the_processor():
     numpys = ("NPY_DISABLE_CPU_FEATURES", " ".join(dispatched()))
-    opencvs = ("OPENCV_CPU_DISABLE", "SSE4_1,SSE4_2,AVX,FP16,AVX2,AVX512_SKX")
+    opencvs = ("OPENCV_CPU_DISABLE", OPENCV_FEATURES)
     assert run(numpys, opencvs, ("OPENCV_IPP", "disabled")) == run()
+
+
+def test_opencv_can_be_brought_to_its_baseline():
+    code = "import cv2; print(cv2.getCPUFeaturesLine())"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "OPENCV_CPU_DISABLE": OPENCV_FEATURES},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "unknown" not in done.stderr
+    beyond_baseline = [word for word in done.stdout.split() if word.startswith("*")]
+    assert beyond_baseline
+    assert all(word.endswith("?") for word in beyond_baseline)
 
 
 @pytest.fixture(scope="module")

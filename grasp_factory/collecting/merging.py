@@ -52,9 +52,9 @@ def merge(
     place = Place(out)
     sources = _open(stores)
     place.check_apart(source.place for source in sources)
-    of_platforms = check_platforms(sources, accept=accept_other_platform)
     found = union([source.present() for source in sources])
     _check_repeats(sources, found)
+    of_platforms = check_platforms(sources, accept=accept_other_platform)
     seeds = {source.config.seed for source in sources}
     is_plain = len(seeds) == 1 and not any(source.is_collected for source in sources)
     if not (is_plain or len(found.plan)):
@@ -121,8 +121,9 @@ def _check_repeats(sources: Sequence[Source], found: Union) -> None:
                 bad = left_out[pair[other][:1]]
                 raise StoreMismatchError(
                     f"episode {bad.index[0]} of seed {bad.seed[0]} is not the same in"
-                    f" {sources[twin].path} and {sources[k].path}: `grasp-factory verify` and"
-                    " `replay` say which is right"
+                    f" {sources[twin].path} and {sources[k].path}: `grasp-factory verify` says"
+                    " whether one is damaged; if none is, they come from two platforms: leave one"
+                    " of these stores out"
                 )
 
 

@@ -10,11 +10,11 @@ from grasp_factory import schema
 from grasp_factory.config import FactoryConfig
 from grasp_factory.episode import Episode, EpisodeSpec, checksum
 from grasp_factory.errors import StoreError
-from grasp_factory.platforms import is_fingerprint
+from grasp_factory.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.rows import Row, assemble, read_rows
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.columns import check_lengths
-from grasp_factory.writers.header import fields_of, open_store
+from grasp_factory.writers.header import SOURCES, fields_of, open_store
 from grasp_factory.writers.stored import open_arrays
 from grasp_factory.writers.zarr import COMMITTED, QUARANTINED
 
@@ -47,7 +47,9 @@ class RowReader:
         """
         self.path = path
         root, self.config = open_store(path, mode="r")
-        self._fields = fields_of(path, self.config, root.attrs.asdict())
+        attributes = root.attrs.asdict()
+        self._fields = fields_of(path, self.config, attributes)
+        self._tells_platforms = FINGERPRINT in attributes and SOURCES not in attributes
         self._arrays = open_arrays(root, path, self._fields, set(self._fields))
         try:
             check_lengths(path, self._arrays)
@@ -79,7 +81,7 @@ class RowReader:
         if found != str(row[schema.CHECKSUM.path]):
             raise self._damaged(i, "does not match its checksum")
         text = str(row.get(schema.FINGERPRINT.path, ""))
-        if text and not is_fingerprint(text):
+        if not is_fingerprint(text) and (text or self._tells_platforms):
             raise self._damaged(i, f"has a damaged {schema.FINGERPRINT.path}")
         return StoredRow(content=content, checksum=found, fingerprint=text)
 

@@ -14,7 +14,7 @@ from grasp_factory.collecting.union import Rows
 from grasp_factory.config import first_difference
 from grasp_factory.dataset import Dataset
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.platforms import FINGERPRINT, fingerprint_of, is_fingerprint
+from grasp_factory.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.writers.files import locate
 from grasp_factory.writers.header import SOURCES
 from grasp_factory.writers.seals import SEAL, is_sealed
@@ -105,13 +105,10 @@ class Source:
         Raises:
             StoreError: if it is damaged.
         """
-        name, begun = "fingerprint", fingerprint_of(self.attributes)
-        rows = self.present()
+        name, rows = "fingerprint", self.present()
         texts = [""] * len(rows.row)
         if name in self._dataset.columns:
             texts = self._dataset.column(name)[rows.row].tolist()
-        if begun and not self.is_collected:
-            texts = [text or begun.text for text in texts]
         told: dict[int, set[str]] = {}
         for seed, text in set(zip(rows.seed.tolist(), texts, strict=True)):
             if is_fingerprint(text):

@@ -9,8 +9,10 @@ from pathlib import Path
 
 from grasp_factory.config import FactoryConfig
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import FailuresError
+from grasp_factory.errors import FailuresError, StoreMismatchError
 from grasp_factory.factory import Summary, generate
+from grasp_factory.fingerprint import fingerprint
+from grasp_factory.platforms import difference, fingerprint_of
 from grasp_factory.request import Request
 
 Make = Callable[[Request], Summary]
@@ -41,9 +43,11 @@ def complete(path: Path, config: FactoryConfig, n: int, *, workers: int, make: M
     """Make sure that the store at a path holds ``n`` episodes of a config, and open it.
 
     Raises:
+        StoreMismatchError: if it was begun on a platform that makes other bytes.
         UsageError, StoreError, WorkerError: as ``factory.generate`` does.
         FailuresError: if too many are quarantined.
     """
+    _check_platform(path, config)
     summary = make(Request(config=config, n=n, out=path, workers=workers))
     if summary.failed:
         raise FailuresError(
@@ -51,6 +55,18 @@ def complete(path: Path, config: FactoryConfig, n: int, *, workers: int, make: M
             f" `grasp-factory info {path}` counts them"
         )
     return Dataset.open(path)
+
+
+def _check_platform(path: Path, config: FactoryConfig) -> None:
+    """Check that a store that is there was begun on a platform with this one's fingerprint."""
+    if not (path / "zarr.json").exists():
+        return
+    known = fingerprint_of(Dataset.open(path).attributes)
+    if found := difference(known, fingerprint(config)):
+        what = f"{path} was begun on another platform: {found}"
+        raise StoreMismatchError(
+            f"{what}; go on with the flywheel where it was begun, or begin one in another folder"
+        )
 
 
 def facts_of(folder: Path, dataset: Dataset) -> StoreFacts:

@@ -43,7 +43,7 @@ class GraspModel:
     crop: CropShape
     touch: TouchWindow
     network: GraspNet
-    """In evaluation mode; in double precision when it was loaded from a file."""
+    """In evaluation mode."""
     slope: float = 1.0
     offset: float = 0.0
     """The logit is ``slope`` times the network's answer plus ``offset``: calibration, after Platt

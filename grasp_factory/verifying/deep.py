@@ -79,7 +79,8 @@ def elsewhere(found: Sequence[Simulated]) -> list[str]:
         return []
     parts = [name for name in PARTS if any(name in one.differing for one in foreign)]
     others = ", ".join(str(one.row) for one in foreign if not one.same)
-    came = f"{others} differ here and are whole as stored" if others else "none differs here"
+    differing = f"episodes that differ here, and are whole as stored: {others}"
+    came = differing if others else "none differs here"
     return [
         f"{len(foreign)} of {len(found)} episodes simulated again were made on another platform:"
         f" the fingerprint differs in {meaning(parts)}; {came}"

@@ -10,7 +10,7 @@ from typing import Any
 
 from grasp_factory import schema
 from grasp_factory.blocks import Begun, BlockJob, BlockMaker, in_few_words
-from grasp_factory.episode import EpisodeSpec, checksum
+from grasp_factory.episode import Episode, EpisodeSpec, checksum
 from grasp_factory.errors import StoreError
 from grasp_factory.executors import Report
 from grasp_factory.platforms import Fingerprint, difference, fingerprint_of, parsed
@@ -18,6 +18,7 @@ from grasp_factory.rows import Row
 from grasp_factory.verifying.contents import fingerprint_problems, read_block
 from grasp_factory.verifying.pieces import Pieces, open_pieces
 from grasp_factory.verifying.recovery import kept, recipe
+from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.layout import block_files
 from grasp_factory.writers.zarr import COMMITTED, ZarrWriter
 
@@ -48,7 +49,8 @@ class Mended:
     is_risky: bool = False
     """Nothing of it was changed, for it needs a process that may be lost."""
     untold: tuple[int, ...] = ()
-    """Rows that are whole but for the fingerprint, which nothing tells; nothing was changed."""
+    """Rows that are whole but for the fingerprint, and were not made here: simulated again they
+    differ. Nothing was changed."""
     foreign: tuple[int, ...] = ()
     """Rows of another platform that are to be simulated; that is done only if it is accepted."""
     difference: str = ""
@@ -63,9 +65,7 @@ class BlockMender:
     it first needs them.
     """
 
-    def __init__(
-        self, store: Path, template: Path, *, isolated: bool, accept: bool, lost_text: str | None
-    ) -> None:
+    def __init__(self, store: Path, template: Path, *, isolated: bool, accept: bool) -> None:
         """Open nothing yet.
 
         Args:
@@ -73,18 +73,12 @@ class BlockMender:
             template: what is written.
             isolated: the process may be lost: a recipe that is quarantined may end it.
             accept: rows of another platform are simulated, too.
-            lost_text: what a fingerprint is that is lost; None where nothing tells.
         """
         self._store, self._template, self._isolated = store, template, isolated
-        self._accept, self._lost_text = accept, lost_text
+        self._accept = accept
 
     def __reduce__(self) -> tuple[Any, ...]:
-        again = partial(
-            BlockMender,
-            isolated=self._isolated,
-            accept=self._accept,
-            lost_text=self._lost_text,
-        )
+        again = partial(BlockMender, isolated=self._isolated, accept=self._accept)
         return again, (self._store, self._template)
 
     def __call__(self, job: BlockJob, report: Report) -> None:
@@ -94,48 +88,70 @@ class BlockMender:
         rows = {i: kept(row, pieces, i) for i, row in found.items()}
         recipes = {i: recipe(found[i], pieces, i) for i, row in rows.items() if row is None}
         texts = {i: self._text(found[i], i) for i in rows if i not in recipes}
-        came = self._foreseen(job.block, found, recipes, texts)
-        if came.lost or came.untold or came.is_risky or (came.foreign and not self._accept):
+        unknown = {i: recipe(found[i], pieces, i) for i, text in texts.items() if text is None}
+        came = self._foreseen(job.block, found, recipes, unknown)
+        if came.lost or came.is_risky or (came.foreign and not self._accept):
             report(came)
             return
         remade = []
-        for i, spec in recipes.items():
-            assert spec
-            if i not in job.lost:
-                report(Begun(index=i))
-            row = rows[i] = self._maker.make_row(spec, job.lost.get(i, ""))
-            report(in_few_words(row, i))
+        for i, spec in {**recipes, **unknown}.items():
+            row = self._simulated(i, spec, job, report)
             after = checksum(row.contents())
+            whole = rows[i]
+            if whole and after != checksum(whole.contents()):
+                report(replace(came, untold=tuple(unknown)))
+                return
+            rows[i] = row
             remade.append(Remade(episode=i, before=_recorded(found[i]), after=after))
-        of_rows = [(texts[i] or "") if i in texts else self._maker.fingerprint for i in rows]
+        of_rows = [texts.get(i) or self._maker.fingerprint for i in rows]
         self._writer.write_block(job.block, [row for row in rows.values() if row], of_rows)
         report(replace(came, remade=tuple(remade)))
+
+    def _simulated(
+        self, i: int, spec: EpisodeSpec | None, job: BlockJob, report: Report
+    ) -> Episode | Quarantined:
+        assert spec
+        if i not in job.lost:
+            report(Begun(index=i))
+        row = self._maker.make_row(spec, job.lost.get(i, ""))
+        report(in_few_words(row, i))
+        return row
 
     def _foreseen(
         self,
         block: int,
         found: Mapping[int, Row],
         recipes: Mapping[int, EpisodeSpec | None],
-        texts: Mapping[int, str | None],
+        unknown: Mapping[int, EpisodeSpec | None],
     ) -> Mended:
-        """Return what is known of a block before any of its rows is simulated."""
+        """Return what is known of a block before any of its rows is simulated.
+
+        Args:
+            block: its number.
+            found: its rows as they were read.
+            recipes: of those that are to be made again.
+            unknown: recipes of those that are whole, but whose platform nothing tells. Simulating
+                them tells: with the same bytes they may as well have been made here.
+        """
+        simulated = {**recipes, **unknown}
         differences = {i: self._difference(found[i]) for i in recipes}
         foreign = tuple(i for i in recipes if differences[i])
-        is_risky = not self._isolated and not all(_is_committed(found[i]) for i in recipes)
+        is_risky = not self._isolated and not all(_is_committed(found[i]) for i in simulated)
         return Mended(
             block=block,
-            lost=tuple(i for i, spec in recipes.items() if spec is None),
+            lost=tuple(i for i, spec in simulated.items() if spec is None),
             is_risky=is_risky and (self._accept or not foreign),
-            untold=tuple(i for i, text in texts.items() if text is None),
             foreign=foreign,
             difference=next(filter(None, differences.values()), ""),
         )
 
     def _text(self, row: Row, i: int) -> str | None:
         """Return the fingerprint of a row that is kept; None if it is lost."""
-        if fingerprint_problems(row, self._pieces, i):
-            return self._lost_text
-        return str(row.get(schema.FINGERPRINT.path, ""))
+        if schema.FINGERPRINT.path not in self._pieces.fields:
+            return ""
+        if schema.FINGERPRINT.path not in row or fingerprint_problems(row, self._pieces, i):
+            return None
+        return str(row[schema.FINGERPRINT.path])
 
     def _difference(self, row: Row) -> str:
         """Return how the platform that made a row differs from this one; empty if it does not."""

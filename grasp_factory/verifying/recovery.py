@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 
 from grasp_factory import schema
 from grasp_factory.episode import Episode, EpisodeSpec, checksum
-from grasp_factory.errors import GraspFactoryError, StoreError
-from grasp_factory.platforms import fingerprint_of, parsed
+from grasp_factory.errors import GraspFactoryError
 from grasp_factory.rows import Row, assemble
 from grasp_factory.sampling import sample_spec
 from grasp_factory.verifying.contents import OF_QUARANTINED, trimmed
@@ -48,22 +46,6 @@ def recipe(row: Row, pieces: Pieces, i: int) -> EpisodeSpec | None:
     if {"episodes/seed", "episodes/index"} <= sound and min(seed, index) >= 0:
         return sample_spec(dataclasses.replace(pieces.config, seed=seed), index)
     return None
-
-
-def lost_fingerprint(pieces: Pieces) -> str | None:
-    """Return what the fingerprint of a row must be that is lost; None where nothing tells.
-
-    It is that of all other rows, and of the store.
-    """
-    array = pieces.arrays.get(schema.FINGERPRINT.path)
-    begun = fingerprint_of(pieces.attributes)
-    known = {begun.text} if begun and not pieces.is_collected else set[str]()
-    for block in range(pieces.blocks if array else 0):
-        rows = pieces.rows_of(block)
-        with contextlib.suppress(StoreError):
-            assert array
-            known |= {text for text in array.read(rows.start, rows.stop).tolist() if parsed(text)}
-    return known.pop() if len(known) == 1 else None
 
 
 _NONE = -1

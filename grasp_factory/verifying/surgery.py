@@ -29,7 +29,6 @@ from grasp_factory.verifying.mending import (
 )
 from grasp_factory.verifying.pieces import Pieces, open_pieces
 from grasp_factory.verifying.problems import Problem, Report
-from grasp_factory.verifying.recovery import lost_fingerprint
 from grasp_factory.verifying.template import Template
 from grasp_factory.verifying.verification import check_blocks, executor_for
 from grasp_factory.writers.carried import carried_by
@@ -204,7 +203,6 @@ class Surgery:
             self.to_generate = absent
         risky: list[BlockJob] = []
         foreign: list[Mended] = []
-        lost_text = lost_fingerprint(pieces)
 
         def hear(message: Begun | Made | Mended) -> None:
             if not isinstance(message, Mended):
@@ -226,13 +224,7 @@ class Surgery:
 
         def run(executor: Executor, jobs: list[BlockJob]) -> None:
             isolated = isinstance(executor, ProcessExecutor)
-            mender = BlockMender(
-                self._path,
-                template.path,
-                isolated=isolated,
-                accept=self._accept,
-                lost_text=lost_text,
-            )
+            mender = BlockMender(self._path, template.path, isolated=isolated, accept=self._accept)
             with contextlib.closing(mender):
                 executor.run(mender, jobs, hear, losses.recover, losses.silence)
 
@@ -267,8 +259,8 @@ class Surgery:
     def _leave_untold(self, rows: Iterable[int]) -> None:
         """Say that rows have lost what tells their platform."""
         numbers = ", ".join(map(str, rows))
-        what = "cannot be told: the store has rows of several platforms"
-        self.failed.append(f"fingerprints of rows {numbers} {what}")
+        what = "are lost, and the rows have other bytes when they are simulated here"
+        self.failed.append(f"fingerprints of rows {numbers} {what}: repair where they were made")
 
     def _lose(self, rows: Iterable[int]) -> None:
         """Say that rows cannot be made again."""
