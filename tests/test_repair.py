@@ -779,7 +779,7 @@ class TestAFingerprintThatIsLost:
             "are lost, and the rows have other bytes when they are simulated here"
             in (result.failed[0])
         )
-        assert tree(copy) == found
+        assert found.items() <= tree(copy).items()
         (problem, *_) = result.after.problems
         assert problem.array == "episodes/fingerprint"
 
