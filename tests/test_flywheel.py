@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from elsewhere import move
 from helpers import tree
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,14 +25,14 @@ from grasp_factory.baselines.watching import unwatched
 from grasp_factory.cache import VARIABLE
 from grasp_factory.config import FactoryConfig, first_difference
 from grasp_factory.dataset import Dataset
-from grasp_factory.errors import ConfigError, StoreError, UsageError
+from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, UsageError
 from grasp_factory.examples import Examples
 from grasp_factory.flywheel import ARMS, FlywheelSettings, learning, turn_flywheel
 from grasp_factory.flywheel.journal import FILE, Journal
 from grasp_factory.flywheel.judging import Judge, mistakes_of, object_mean
 from grasp_factory.flywheel.learning import Lessons, held_out_examples, joined, learn
 from grasp_factory.flywheel.plot import picture_of
-from grasp_factory.flywheel.stores import StoreFacts
+from grasp_factory.flywheel.stores import StoreFacts, complete, make_quietly
 from grasp_factory.flywheel.text import flywheel_text
 from grasp_factory.flywheel.turns import Gain, Turn
 from grasp_factory.networks import load_model
@@ -625,3 +626,14 @@ class TestTurning:
         found = json.loads((alone / FILE).read_bytes())
         assert found["gains"] == []
         assert found["arms"]["random"] == told["arms"]["random"]
+
+
+def test_all_stores_of_a_flywheel_come_from_one_platform(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config, path = FactoryConfig(resolution=(32, 24)), tmp_path / "round0.zarr"
+    assert len(complete(path, config, 1, workers=1, make=make_quietly)) == 1
+    assert len(complete(path, config, 1, workers=1, make=make_quietly)) == 1
+    move(monkeypatch)
+    with pytest.raises(StoreMismatchError, match=r"engine \(.*; go on with the flywheel where it"):
+        complete(path, config, 1, workers=1, make=make_quietly)

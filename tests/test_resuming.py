@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -16,10 +17,11 @@ from platform_processes import WITHOUT_FMA, command, needs_fma
 from stored import old_store
 
 from grasp_factory import blocks
+from grasp_factory.collecting import merge
 from grasp_factory.dataset import Dataset
 from grasp_factory.dryrun import forecast
 from grasp_factory.episode import Episode, EpisodeSpec
-from grasp_factory.errors import GraspFactoryWarning, RecipeError, StoreMismatchError
+from grasp_factory.errors import GraspFactoryWarning, RecipeError, StoreError, StoreMismatchError
 from grasp_factory.factory import generate
 from grasp_factory.platforms import FINGERPRINT, fingerprint_of
 from grasp_factory.request import Request, Shard
@@ -204,3 +206,18 @@ def test_a_real_other_libm_is_refused_and_recorded_when_it_is_accepted(tmp_path:
     assert accepted.returncode == 0
     assert "another platform" in accepted.stderr
     assert len(set(texts(out))) == 2
+
+
+def test_a_block_that_lost_its_fingerprints_is_not_made_longer(out: Path) -> None:
+    (out / "episodes/fingerprint/1").unlink()
+    shutil.rmtree(out / "packed", ignore_errors=True)
+    with pytest.raises(StoreError, match="episode 4 has a damaged episodes/fingerprint; run"):
+        generate(CONFIG, 8, out, workers=1)
+
+
+def test_rows_that_lost_their_fingerprints_are_not_merged(out: Path) -> None:
+    (out / "episodes/fingerprint/1").unlink()
+    shutil.rmtree(out / "packed", ignore_errors=True)
+    with pytest.raises(StoreError, match="episode 4 has a damaged episodes/fingerprint; run"):
+        merge([out], out.with_name("merged.zarr"))
+    assert not out.with_name("merged.zarr").exists()
