@@ -179,7 +179,7 @@ class TestAStoreOfAVersionWithoutFingerprints:
             blocks, "run_episode", lambda world, spec: dataclasses.replace(sample, spec=spec)
         )
         before = tree(store)
-        with pytest.raises(StoreMismatchError, match="by a version without fingerprints, so nob"):
+        with pytest.raises(StoreMismatchError, match="by a version without fingerprints; go on"):
             generate(config, 6, store, workers=1)
         assert tree(store) == before
         with pytest.warns(GraspFactoryWarning) as told:

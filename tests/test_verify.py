@@ -636,7 +636,7 @@ class TestDeep:
         (note,) = report.notes
         assert f"{report.committed} of {report.committed} episodes simulated again" in note
         assert "differs in engine (simulation steps)" in note
-        assert f"; {i} differ here and are whole as stored" in note
+        assert f"; episodes that differ here, and are whole as stored: {i}" in note
 
     def test_that_none_differs_on_another_platform_is_told_in_a_note(
         self, copy: Path, monkeypatch: pytest.MonkeyPatch
