@@ -56,7 +56,7 @@ class EpisodeDistance:
     steps_differing: int
     """Records of which any stream differs, and those that only one episode has."""
     objects_at_end: PoseDistance
-    """Of the object that is farthest away, in the last record; at rest where there is none."""
+    """The largest of all objects, at the last record, or at rest if nothing was recorded."""
     objects_largest: PoseDistance
     """Of any object in any record that both have, millimetres and degrees each."""
     tcp_at_end: PoseDistance

@@ -26,7 +26,7 @@ _CORE_NAMES = (
 
 
 def platform_facts() -> dict[str, str]:
-    """Return facts by name: machine, libc, cpu, level and kernels. Of none do the bytes depend."""
+    """Return facts by name: machine, libc, cpu, level and kernels. Bytes depend on none."""
     told = _cpuinfo()
     return {
         "machine": platform.machine(),

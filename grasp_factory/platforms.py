@@ -99,7 +99,7 @@ class Fingerprint:
 
 
 def fingerprint_of(attributes: Mapping[str, Any]) -> Fingerprint | None:
-    """Return the fingerprint in a store's root attributes; None where there is none to be read."""
+    """Return the fingerprint in a store's root attributes, or None if it is missing or invalid."""
     try:
         return Fingerprint.from_parts(attributes.get(FINGERPRINT))
     except StoreError:

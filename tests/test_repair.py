@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import zarr
 from damage import (
@@ -782,6 +783,17 @@ class TestAFingerprintThatIsLost:
         assert found.items() <= tree(copy).items()
         (problem, *_) = result.after.problems
         assert problem.array == "episodes/fingerprint"
+
+    def test_is_not_made_up_for_a_row_that_never_had_one(self, copy: Path, tmp_path: Path) -> None:
+        few = tmp_path / "few"
+        split(copy, few, [0, 1])
+        set_texts(few, {0: ""})
+        poses = zarr.open_array(few, path="streams/tcp_pose", mode="r+")
+        poses[1, 0] = np.ones(7)
+        result = repair(few)
+        assert result.is_whole
+        assert [made.episode for made in result.remade] == [1]
+        assert Dataset.open(few).column("fingerprint").tolist() == ["", HERE.text]
 
 
 class TestAStoreOfAVersionWithoutFingerprints:

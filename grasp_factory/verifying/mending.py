@@ -94,7 +94,8 @@ class BlockMender:
             report(came)
             return
         remade = []
-        for i, spec in {**recipes, **unknown}.items():
+        simulated = {**recipes, **unknown}
+        for i, spec in simulated.items():
             row = self._simulated(i, spec, job, report)
             after = checksum(row.contents())
             whole = rows[i]
@@ -103,7 +104,8 @@ class BlockMender:
                 return
             rows[i] = row
             remade.append(Remade(episode=i, before=_recorded(found[i]), after=after))
-        of_rows = [texts.get(i) or self._maker.fingerprint for i in rows]
+        here = self._maker.fingerprint
+        of_rows = [here if i in simulated else texts[i] or "" for i in rows]
         self._writer.write_block(job.block, [row for row in rows.values() if row], of_rows)
         report(replace(came, remade=tuple(remade)))
 

@@ -84,28 +84,18 @@ class ZarrWriter(Writer):
             fsync([*written, *(self.path / field.path for field in fields)])
 
     def _values(self, row: Episode | Quarantined, fingerprint: str) -> Values:
-        made_on = {schema.FINGERPRINT.path: np.asarray(fingerprint)}
-        if isinstance(row, Quarantined):
-            contents = row.contents()
-            return (
-                contents
-                | made_on
-                | {
-                    schema.STATUS.path: np.asarray(QUARANTINED),
-                    schema.CHECKSUM.path: np.asarray(checksum(contents)),
-                }
-            )
         contents = row.contents()
+        values = contents | {
+            schema.CHECKSUM.path: np.asarray(checksum(contents)),
+            schema.FINGERPRINT.path: np.asarray(fingerprint),
+        }
+        if isinstance(row, Quarantined):
+            return values | {schema.STATUS.path: np.asarray(QUARANTINED)}
         self._check_fits(f"episode {row.spec.index}", contents)
-        return (
-            contents
-            | made_on
-            | {
-                schema.STATUS.path: np.asarray(COMMITTED),
-                schema.CHECKSUM.path: np.asarray(checksum(contents)),
-                schema.DIGESTS.path: digests(contents, self._digested),
-            }
-        )
+        return values | {
+            schema.STATUS.path: np.asarray(COMMITTED),
+            schema.DIGESTS.path: digests(contents, self._digested),
+        }
 
     def _check_fits(self, who: str, contents: Values) -> None:
         fields = {row.path: row for row in self._fields if row.path in self._digested}
