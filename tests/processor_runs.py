@@ -23,7 +23,7 @@ from grasp_factory.world import World
 SMALL = (64, 48)
 
 
-def _learned(**more: object) -> FactoryConfig:
+def _learned() -> FactoryConfig:
     sha256 = import_model(Path(sys.argv[1]))
     parameters = {"learned": {"model": sha256}}
     return FactoryConfig(
