@@ -1,28 +1,29 @@
 """Inverse kinematics of a ``Chain`` within its joint limits; pure functions, no randomness.
 
-Damped least squares with Sugihara's damping (T-RO 27(5), 2011), run for many starts at once.
-Joints that a limit holds back are frozen for that step, so that the others do the work. What
-one start cannot reach, a batch of restarts spread evenly over the joint box does.
+What one start of the ``descent`` cannot reach, restarts spread evenly over the joint box do.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grasp_factory.descent import (
+    POSITION_TOLERANCE,
+    Descent,
+    damped_step,
+    descend,
+    pose_errors,
+    squares_of,
+)
 from grasp_factory.elementary import arctan2
 from grasp_factory.geometry import Array
 from grasp_factory.kinematics import Chain
-from grasp_factory.linear import length, norm, product, solve_definite
+from grasp_factory.linear import length
 
-POSITION_TOLERANCE = 1e-6
-"""A posture solves a pose when its tip is at most this far off, in metres."""
-ORIENTATION_TOLERANCE = 1e-6
-"""The same for the angle between the two orientations, in rad."""
 SAME_SOLUTION = 0.1
 """Postures whose joints all agree to this many rad count as one solution."""
 MAX_JOINT_STEP = 0.2
@@ -32,16 +33,8 @@ MAX_JOINT_STEP = 0.2
 # more reach every pose of the iiwa, 1 % or more every pose of the Panda.
 _RESTARTS = (32, 128, 512)
 _SOLUTION_RESTARTS = 128
-_MAX_ITERATIONS = 60
-# Damping proportional to the squared error keeps convergence quadratic even where the Jacobian
-# loses rank (Fan & Yuan, Computing 74, 2005); any constant floor above 1e-8 stalls there.
-_DAMPING_PER_SQUARED_ERROR = 0.1
-_DAMPING_FLOOR = 1e-10
-_MAX_ITERATION_STEP = 1.0  # rad; farther than this the linearisation says nothing
 _STRIDE = 3  # waypoints; at a centimetre each, a stride is far within where one step converges
 _RATIO_ITERATIONS = 16  # twice as many as it takes from 2 for any number of joints
-_HALF_TURN = 1e-12  # of 4 cos2 of half the angle: nearer to half a turn the axis has another sign
-_STALL_ITERATIONS = 8  # a start that has not halved its squared error in these is given up
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +48,7 @@ class IKResult:
     orientation_error: float
     """Angle of the rotation still missing; rad, in [0, pi]."""
     success: bool
-    """Whether both errors are within the tolerances of this module."""
+    """Whether both errors are within the tolerances of ``descent``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +79,7 @@ def solve_each(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> list[IK
     T_goals = np.asarray(T_base_tip, dtype=np.float64)
     start = np.asarray(start, dtype=np.float64)
     starts = np.broadcast_to(start, (len(T_goals), start.size))
-    found = _descend(chain, T_goals, starts, enough=len(T_goals))
+    found = descend(chain, T_goals, starts, enough=len(T_goals))
     return [
         _restarted(chain, T_goal, start, _result(found, row)) for row, T_goal in enumerate(T_goals)
     ]
@@ -98,11 +91,11 @@ def _restarted(chain: Chain, T_goal: Array, start: Array, best: IKResult) -> IKR
         return best
     first = 0
     for count in _RESTARTS:
-        found = _descend(chain, T_goal, _spread(chain, first, count), enough=1)
+        found = descend(chain, T_goal, _spread(chain, first, count), enough=1)
         if found.converged.any():
             times = np.where(found.converged, _travel_times(chain, found.q, start), np.inf)
             return _result(found, int(np.argmin(times)))
-        closest = _result(found, int(np.argmin(_squares(found.error))))
+        closest = _result(found, int(np.argmin(squares_of(found.error))))
         best = min(best, closest, key=_squared_error)
         first += count
     return best
@@ -119,9 +112,7 @@ def ik_solutions(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> Array
     nearest = solve_ik(chain, T_goal, start)
     if not nearest.success:
         return np.empty((0, len(start)))
-    found = _descend(
-        chain, T_goal, _spread(chain, 0, _SOLUTION_RESTARTS), enough=_SOLUTION_RESTARTS
-    )
+    found = descend(chain, T_goal, _spread(chain, 0, _SOLUTION_RESTARTS), enough=_SOLUTION_RESTARTS)
     postures = np.vstack([nearest.joint_positions, found.q[found.converged]])
     postures = postures[np.argsort(_travel_times(chain, postures, start), kind="stable")]
     distinct: list[int] = []
@@ -145,7 +136,7 @@ def track_path(
     if not len(waypoints):
         return PathResult(np.empty((0, start.size)), None)
     guesses = _walk(chain, waypoints, start)
-    found = _descend(chain, waypoints, guesses, enough=len(waypoints))
+    found = descend(chain, waypoints, guesses, enough=len(waypoints))
     steps = np.abs(np.diff(found.q, axis=0, prepend=start[None])).max(axis=1)
     failed = np.flatnonzero(~found.converged | (steps > max_joint_step))
     if not len(failed):
@@ -166,8 +157,8 @@ def _walk(chain: Chain, waypoints: Array, start: Array) -> Array:
     postures = [start]
     for stop in stops:
         T, J = chain.fk_and_jacobian(q)
-        error = _pose_errors(T, waypoints[stop])
-        step = _damped_step(chain, q, J, error, _squares(error))
+        error = pose_errors(T, waypoints[stop])
+        step = damped_step(chain, q, J, error, squares_of(error))
         q = np.clip(q + step, chain.lower, chain.upper)
         postures.append(q[0])
     known, steps = np.array([0, *(stop + 1 for stop in stops)]), np.arange(1, count + 1)
@@ -177,93 +168,7 @@ def _walk(chain: Chain, waypoints: Array, start: Array) -> Array:
     return np.asarray(path[after - 1] + share[:, None] * (path[after] - path[after - 1]))
 
 
-class _Descent(NamedTuple):
-    """Where each of B starts ended."""
-
-    q: Array  # (B, n) rad
-    error: Array  # (B, 6) m and rad, still missing at q
-    converged: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]  # (B,)
-
-
-def _descend(chain: Chain, T_goal: Array, starts: Array, *, enough: int) -> _Descent:
-    """Improve the starts (B, n) until ``enough`` of them are solutions or none gets better.
-
-    The goal is one (4, 4) for all, or one for each of them (B, 4, 4).
-    """
-    goals = np.broadcast_to(T_goal, (len(starts), 4, 4))
-    q = np.clip(starts, chain.lower, chain.upper)
-    end = _Descent(q.copy(), np.full((len(q), 6), np.inf), np.zeros(len(q), dtype=np.bool_))
-    rows = np.arange(len(q))
-    before = np.full(len(q), np.inf)
-    for iteration in range(1, _MAX_ITERATIONS + 1):
-        T, J = chain.fk_and_jacobian(q)
-        error = _pose_errors(T, goals)
-        done = _is_within_tolerance(error)
-        end.q[rows], end.error[rows], end.converged[rows] = q, error, done
-        squares = _squares(error)
-        going = ~done
-        if iteration % _STALL_ITERATIONS == 0:
-            going &= squares < 0.5 * before
-            before = squares
-        if np.count_nonzero(end.converged) >= enough or not going.any():
-            break
-        if not going.all():
-            rows, q, J, before = rows[going], q[going], J[going], before[going]
-            goals = goals[going]
-            error, squares = error[going], squares[going]
-        q = np.clip(q + _damped_step(chain, q, J, error, squares), chain.lower, chain.upper)
-    return end
-
-
-def _damped_step(chain: Chain, q: Array, J: Array, error: Array, squares: Array) -> Array:
-    """Return the step (B, n) in rad that cuts the errors (B, 6) with no joint pushed on a limit."""
-    pull = (J * error[..., None]).sum(axis=-2)
-    is_held = ((q <= chain.lower) & (pull < 0.0)) | ((q >= chain.upper) & (pull > 0.0))
-    J = J * ~is_held[:, None, :]
-    A = product(J, np.swapaxes(J, -1, -2))
-    diagonal = np.arange(6)
-    A[:, diagonal, diagonal] += (_DAMPING_PER_SQUARED_ERROR * squares + _DAMPING_FLOOR)[:, None]
-    step = (J * solve_definite(A, error)[..., None]).sum(axis=-2)
-    largest = np.abs(step).max(axis=-1, keepdims=True)
-    return np.asarray(step * (_MAX_ITERATION_STEP / np.maximum(largest, _MAX_ITERATION_STEP)))
-
-
-def _pose_errors(T: Array, T_goal: Array) -> Array:
-    """Return what is missing from T (B, 4, 4) to the goal, (B, 6) in base axes.
-
-    The translation, then the axis of the rotation times twice the sine of half its angle, which is
-    the angle where it is small.
-    """
-    R = product(T_goal[..., :3, :3], np.swapaxes(T[:, :3, :3], -1, -2))
-    error = np.empty((len(T), 6))
-    error[:, :3] = T_goal[..., :3, 3] - T[:, :3, 3]
-    error[:, 3] = R[:, 2, 1] - R[:, 1, 2]
-    error[:, 4] = R[:, 0, 2] - R[:, 2, 0]
-    error[:, 5] = R[:, 1, 0] - R[:, 0, 1]
-    # Four times the square of the cosine of half the angle.
-    square = R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2] + 1.0
-    is_half_turn = square < _HALF_TURN
-    error[:, 3:] /= np.sqrt(np.where(is_half_turn, 1.0, square))[:, None]
-    for i in np.flatnonzero(is_half_turn):  # R + I = 2 axis axis^T
-        columns = R[i] + np.eye(3)
-        axis = columns[:, np.argmax(np.diag(columns))]
-        error[i, 3:] = 2.0 * axis / norm(axis)
-    return error
-
-
-def _squares(v: Array) -> Array:
-    return np.asarray((v * v).sum(axis=-1))
-
-
-def _is_within_tolerance(error: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    position, orientation = _squares(error[..., :3]), _squares(error[..., 3:])
-    return np.asarray(
-        (position <= POSITION_TOLERANCE * POSITION_TOLERANCE)
-        & (orientation <= ORIENTATION_TOLERANCE * ORIENTATION_TOLERANCE)
-    )
-
-
-def _result(found: _Descent, row: int) -> IKResult:
+def _result(found: Descent, row: int) -> IKResult:
     error = found.error[row]
     return IKResult(
         joint_positions=found.q[row].copy(),

@@ -33,6 +33,7 @@ LAYERS = (
         *("splits", "stopping"),
         *("textures", "trouble"),
     ),
+    ("descent",),
     ("ik", "looks", "objects", "outfile", "randomize", "sections", "stepping", "thresholds"),
     ("cameras", "placement", "quality", "variation", "videofile"),
     ("config", "yamltext"),
