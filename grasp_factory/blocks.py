@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -182,10 +181,12 @@ def in_few_words(row: Episode | Quarantined, index: int) -> Made:
 
 
 def _reason(error: Exception) -> str:
-    """Return kind, text and place of an unforeseen error in one line, without any path."""
-    place = traceback.extract_tb(error.__traceback__)[-1]
+    """Return the type and the text of an unforeseen error in one line.
+
+    The reason is part of the dataset, so it must not name a source file or a line number.
+    """
     text = " ".join(str(error).split())[:LONGEST_REASON]
-    return f"{type(error).__name__}: {text} ({Path(place.filename).name}:{place.lineno})"
+    return f"{type(error).__name__}: {text}"
 
 
 def _blame_machine(error: BaseException | None, index: int) -> None:
