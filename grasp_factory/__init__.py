@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.6.0"
 
 if TYPE_CHECKING:
-    from grasp_factory.conditions import Range
-    from grasp_factory.config import FactoryConfig
-    from grasp_factory.dataset import Dataset
-    from grasp_factory.episode import Episode, EpisodeSpec
-    from grasp_factory.factory import generate
-    from grasp_factory.outcome import Outcome, Phase
-    from grasp_factory.request import Shard
+    from grasp_factory.core.config.factory_config import FactoryConfig
+    from grasp_factory.core.enums import Outcome, Phase
+    from grasp_factory.core.episode import Episode, EpisodeSpec
+    from grasp_factory.dataset.dataset import Dataset
+    from grasp_factory.dataset.filters import Range
+    from grasp_factory.factory.generate import generate
+    from grasp_factory.factory.run_request import Shard
 
 __all__ = [
     "Dataset",
@@ -32,15 +32,15 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Dataset": "dataset",
-    "Episode": "episode",
-    "EpisodeSpec": "episode",
-    "FactoryConfig": "config",
-    "Outcome": "outcome",
-    "Phase": "outcome",
-    "Range": "conditions",
-    "Shard": "request",
-    "generate": "factory",
+    "Dataset": "dataset.dataset",
+    "Episode": "core.episode",
+    "EpisodeSpec": "core.episode",
+    "FactoryConfig": "core.config.factory_config",
+    "Outcome": "core.enums",
+    "Phase": "core.enums",
+    "Range": "dataset.filters",
+    "Shard": "factory.run_request",
+    "generate": "factory.generate",
 }
 
 

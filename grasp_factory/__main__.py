@@ -12,6 +12,8 @@ from typing import Any, NoReturn
 
 import click
 
+from grasp_factory.cli.signal_handling import leave, signals_as_exceptions
+from grasp_factory.core.os_errors import MACHINE_TROUBLE
 from grasp_factory.errors import (
     EXIT_DONE,
     EXIT_FAILURE,
@@ -23,8 +25,6 @@ from grasp_factory.errors import (
     Terminated,
     UsageError,
 )
-from grasp_factory.stopping import leave, signals_as_exceptions
-from grasp_factory.trouble import MACHINE_TROUBLE
 
 LONGEST_MESSAGE = 1000
 
@@ -37,7 +37,7 @@ def main() -> NoReturn:
     _mend_streams()
     try:
         with signals_as_exceptions(), _warnings_as_lines():
-            from grasp_factory.cli import cli  # noqa: PLC0415 - takes so long that Ctrl-C may come
+            from grasp_factory.cli.main import cli  # noqa: PLC0415 - takes so long that Ctrl-C may come
 
             code = cli.main(prog_name="grasp-factory", standalone_mode=False) or EXIT_DONE
         sys.stdout.flush()

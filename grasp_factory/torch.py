@@ -19,14 +19,14 @@ from torch import Tensor
 from torch.utils.data import Dataset as TorchDataset
 from torch.utils.data import IterableDataset, get_worker_info
 
-from grasp_factory.crops import CropShape
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.learning.example_cache import KeptInputs
+from grasp_factory.apps.learning.examples import ExampleReader
+from grasp_factory.core.serialization import is_integer
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.examples import ExampleReader
-from grasp_factory.kept import KeptInputs
-from grasp_factory.networks.inputs import KINDS, Inputs, TouchWindow, mirrored
-from grasp_factory.noise import SensorNoise
-from grasp_factory.records import is_integer
+from grasp_factory.policies.networks.inputs import KINDS, Inputs, TouchWindow, mirrored
+from grasp_factory.signals.grasp_crop import CropShape
+from grasp_factory.signals.noise import SensorNoise
 
 Example = dict[str, Any]
 """``image`` (3, S, S), ``width`` (1,), ``touch`` (2, 6, R), those that are used, and ``success``

@@ -25,11 +25,21 @@ from typing import Any
 from bench_scale import CONFIG, SOURCES, link
 from fake_episodes import JOINTS, make_rows
 
-from grasp_factory import schema
-from grasp_factory.annotations import AnnotationLog
-from grasp_factory.index import COLUMNS, OPERATORS, Column, Condition, Index, Query, Sort, build
-from grasp_factory.writers import ZarrWriter, packing
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.core import schema
+from grasp_factory.dataset.annotations import AnnotationLog
+from grasp_factory.dataset.index import (
+    COLUMNS,
+    OPERATORS,
+    Condition,
+    Index,
+    IndexColumn,
+    Query,
+    Sort,
+    build,
+)
+from grasp_factory.writers import ZarrWriter
+from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr.store import prepare_store
 
 ORDERS = ("", "-slip_angle", "outcome")
 REPEATS = 3
@@ -45,14 +55,14 @@ def make(path: Path, rows: int) -> None:
         ZarrWriter(path).write_block(block, make_rows(CONFIG, block, rows))
     for field in schema.expand(CONFIG):
         link(path / field.path, range(sources, blocks - 1), sources)
-    packing.pack(path)
+    segment_packing.pack(path)
     log = AnnotationLog(path)
     log.append("bench", range(0, rows, 10), [("tag", "tenth")])
     log.append("bench", range(0, rows, 1000), [("tag", "Ünusual"), ("note", "look at this one")])
     log.append("bench", range(0, rows, 3), [("quality", 4)])
 
 
-def conditions(column: Column, index: Index) -> Iterator[Condition]:
+def conditions(column: IndexColumn, index: Index) -> Iterator[Condition]:
     """Give conditions of every operator that a column takes: with few, half and most rows."""
     found = index.ids(Query(sort=(Sort(column.name),)))
     known = [place for place in found if _value(index, place, column) is not None][:1]
@@ -74,7 +84,7 @@ def conditions(column: Column, index: Index) -> Iterator[Condition]:
             yield Condition(column.name, operator, tuple(dict.fromkeys(values)))
 
 
-def _value(index: Index, place: tuple[int, int], column: Column) -> Any:
+def _value(index: Index, place: tuple[int, int], column: IndexColumn) -> Any:
     row = index.row(*place)
     assert row is not None
     value = row[column.name]

@@ -22,9 +22,9 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 from torch.utils.data import DataLoader
 
-from grasp_factory.dataset import Dataset
-from grasp_factory.networks import KINDS
-from grasp_factory.networks.nets import GraspNet
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.policies.networks import KINDS
+from grasp_factory.policies.networks.nets import GraspNet
 from grasp_factory.torch import GraspDataset, GraspStream
 
 BATCH = 64

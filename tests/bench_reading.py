@@ -23,7 +23,7 @@ import zarr
 from numcodecs import blosc, zstd
 from numpy.typing import NDArray
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.dataset.dataset import Dataset
 
 ROUNDS = 7
 CODECS: Mapping[str, tuple[Callable[..., bytes], Callable[..., Any]]] = {

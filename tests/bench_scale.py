@@ -27,12 +27,13 @@ from typing import Any
 import numpy as np
 from fake_episodes import JOINTS, make_rows, small_config
 
-from grasp_factory import schema
-from grasp_factory.dataset import Dataset
-from grasp_factory.summary import summarise
-from grasp_factory.writers import ZarrWriter, packing
-from grasp_factory.writers.packed import FOLDER, segments
-from grasp_factory.writers.store import missing_rows, prepare_store
+from grasp_factory.core import schema
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import summarise
+from grasp_factory.writers import ZarrWriter
+from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr.column_segments import FOLDER, segments
+from grasp_factory.writers.zarr.store import missing_rows, prepare_store
 
 CONFIG = small_config(resolution=(16, 16), block_size=8)
 SOURCES = 256
@@ -54,14 +55,14 @@ def make(path: Path, rows: int) -> None:
         ZarrWriter(path).write_block(block, make_rows(CONFIG, block, rows))
     print(f"wrote {sources + 1} blocks in {time.monotonic() - started:.1f} s", flush=True)
     packed = 0.0
-    for first in range(0, blocks - 1, packing.SEGMENT_BLOCKS):
-        stop = min(first + packing.SEGMENT_BLOCKS, blocks - 1)
+    for first in range(0, blocks - 1, segment_packing.SEGMENT_BLOCKS):
+        stop = min(first + segment_packing.SEGMENT_BLOCKS, blocks - 1)
         for array in arrays:
             link(array, range(max(first, sources), stop), sources)
         started = time.monotonic()
-        packing.pack(path)
+        segment_packing.pack(path)
         packed += time.monotonic() - started
-        if stop - first == packing.SEGMENT_BLOCKS:
+        if stop - first == segment_packing.SEGMENT_BLOCKS:
             for array in arrays:
                 if str(array.relative_to(path)) not in LINKED:
                     unlink(array, range(max(first, sources), stop))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from http.client import HTTPConnection
 from pathlib import Path
 
-from grasp_factory.cache import VARIABLE
+from grasp_factory.core.cache import VARIABLE
 
 PATIENCE_S = 20.0
 

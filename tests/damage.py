@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grasp_factory import factory
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.curation.relabel import relabel
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.relabel import relabel
-from grasp_factory.sections import LabelConfig
-from grasp_factory.writers import packing
-from grasp_factory.writers.seals import SEAL
+from grasp_factory.factory import generate
+from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr.metadata_checksum import SEAL
 
 CONFIG = FactoryConfig.from_plain(
     {
@@ -41,8 +41,8 @@ Damage = Callable[[Path], None]
 def make_store(path: Path) -> Path:
     """Return a store of ``CONFIG`` at ``path``, packed, with an added label."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
-        factory.generate(CONFIG, N, path, workers=1, max_failures=1.0)
+        patch.setattr(segment_packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
+        generate.generate(CONFIG, N, path, workers=1, max_failures=1.0)
     relabel(path, LABEL, LabelConfig(max_slip_distance=0.003))
     return path
 

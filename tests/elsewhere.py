@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import zarr
 
-from grasp_factory import fingerprint as measuring
-from grasp_factory.config import FactoryConfig
-from grasp_factory.fingerprint import fingerprint
-from grasp_factory.platforms import FINGERPRINT, Fingerprint
-from grasp_factory.writers.seals import seal
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.platforms import FINGERPRINT, Fingerprint
+from grasp_factory.simulation import fingerprint as measuring
+from grasp_factory.simulation.fingerprint import fingerprint
+from grasp_factory.writers.zarr.metadata_checksum import seal
 
 HERE = fingerprint(FactoryConfig())
 THERE = replace(HERE, engine=f"{int(HERE.engine, 16) ^ 1:08x}")

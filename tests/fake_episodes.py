@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import CameraFrames, Episode, EpisodeSpec, ObjectSpec
-from grasp_factory.geometry import Pose
-from grasp_factory.looks import Surroundings
-from grasp_factory.outcome import Outcome
+from grasp_factory.core import schema
+from grasp_factory.core.appearance import Surroundings
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import CameraFrames, Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.core.geometry import Pose
 from grasp_factory.writers.base import Quarantined
 
 JOINTS = 7

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.store import missing_rows
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.store import missing_rows
 
 
 def tree(root: Path) -> dict[str, bytes]:

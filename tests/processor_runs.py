@@ -11,14 +11,14 @@ import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
-from grasp_factory.models import import_model
-from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.sections import ClutterConfig
-from grasp_factory.world import World
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
+from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.policies.model_registry import import_model
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 SMALL = (64, 48)
 

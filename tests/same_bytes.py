@@ -15,17 +15,17 @@ import grasp_factory
 
 PACKAGE = Path(grasp_factory.__file__).parent
 
-STARTS = ("sampling.py", "rollout.py")
+STARTS = ("sampling/spec.py", "simulation/rollout.py")
 """From (config, seed, index) to a recipe, and from a recipe to an episode."""
 APART = {
-    "meshes": "it runs at import; datasets carry what it made, by its hash",
+    "objects/importing": "it runs at import; datasets carry what it made, by its hash",
 }
 """Packages that are imported from there but have no part in an episode's bytes."""
 ALLOWED = {
-    ("elementary.py", ".standard_normal"): "rounded to single precision",
-    ("networks/loading.py", "import torch"): "answers are rounded (GraspModel.log_odds)",
-    ("networks/model.py", "import torch"): "as above",
-    ("networks/nets.py", "import torch"): "as above",
+    ("core/elementary.py", ".standard_normal"): "rounded to single precision",
+    ("policies/networks/loading.py", "import torch"): "answers are rounded (GraspModel.log_odds)",
+    ("policies/networks/model.py", "import torch"): "as above",
+    ("policies/networks/nets.py", "import torch"): "as above",
 }
 """By module and finding, with the reason."""
 
@@ -61,7 +61,7 @@ def path_modules() -> list[Path]:
     todo = [PACKAGE / start for start in STARTS]
     while todo:
         module = todo.pop()
-        if module in seen or module.relative_to(PACKAGE).parts[0] in APART:
+        if module in seen or any(module.is_relative_to(PACKAGE / part) for part in APART):
             continue
         seen.add(module)
         todo += _imported(module)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 from functools import cache
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import CameraImage, Episode, EpisodeSpec, ObjectSpec
-from grasp_factory.geometry import Pose
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.scene import Scene, take_shots
-from grasp_factory.world import World
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import CameraImage, Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.core.geometry import Pose
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.scene import Scene, take_shots
+from grasp_factory.simulation.world import World
 
 SMALL = FactoryConfig(resolution=(160, 120))
 """The default config at a resolution that renders quickly and still shows the target."""

@@ -11,12 +11,12 @@ from pathlib import Path
 
 from fake_episodes import JOINTS, make_rows, small_config
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
-from grasp_factory.factory import generate
-from grasp_factory.records import to_plain
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.factory.generate import generate
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 OLD = Path(__file__).parent / "made_by_0.4.0.zip"
 """A store of four rows, the last quarantined, of a version without fingerprints."""

@@ -30,7 +30,11 @@ from helpers import assert_same_tree, tree
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.annotations import (
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.curation.merge import merge, split
+from grasp_factory.curation.repair import repair
+from grasp_factory.curation.verify import verify
+from grasp_factory.dataset.annotations import (
     KINDS,
     Annotation,
     AnnotationLog,
@@ -38,20 +42,17 @@ from grasp_factory.annotations import (
     Mark,
     carry,
     default_who,
-    files,
     fold,
+    log_file,
 )
-from grasp_factory.annotations.lines import decode, encode
-from grasp_factory.annotations.values import checked
-from grasp_factory.collecting import merge, split
-from grasp_factory.dataset import Dataset
+from grasp_factory.dataset.annotations.lines import decode, encode
+from grasp_factory.dataset.annotations.values import checked
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreBusyError, StoreError, StoreMismatchError, UsageError
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.verifying import repair, verify
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.header import root_attributes
-from grasp_factory.writers.seals import is_sealed
-from grasp_factory.writers.store import create_store, prepare_store
+from grasp_factory.writers.zarr.header import root_attributes
+from grasp_factory.writers.zarr.metadata_checksum import is_sealed
+from grasp_factory.writers.zarr.store import create_store, prepare_store
 
 CONFIG = small_config(resolution=[16, 16])
 WIDTH, HEIGHT = CONFIG.resolution
@@ -70,7 +71,7 @@ MARK = {
 }
 ADD = """
 import sys
-from grasp_factory.annotations import AnnotationLog
+from grasp_factory.dataset.annotations import AnnotationLog
 log, who, first, count = AnnotationLog(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 print("ready", flush=True)
 sys.stdin.readline()
@@ -599,7 +600,7 @@ class TestSeveralWriters:
     def test_wait_for_each_other_but_not_for_ever(
         self, store: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(files, "WAIT_S", 0.05)
+        monkeypatch.setattr(log_file, "WAIT_S", 0.05)
         log = AnnotationLog(store)
         log.append("ann", [0], [("tag", "odd")])
         with log_of(store).open("rb") as held:

@@ -21,16 +21,18 @@ from helpers import tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp_factory import factory, preview, relabel
 from grasp_factory.__main__ import main
-from grasp_factory.cli import generate as generate_command
-from grasp_factory.config import FactoryConfig
+from grasp_factory.apps.pictures import preview
+from grasp_factory.cli.main import generate as generate_command
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.yaml_loader import parse_yaml
+from grasp_factory.curation import relabel
 from grasp_factory.errors import StoreError, StoreMismatchError, UsageError
-from grasp_factory.executors import ProcessExecutor
-from grasp_factory.request import Request, resolve_request
-from grasp_factory.runlog import RunLog
-from grasp_factory.writers.lock import StoreLock
-from grasp_factory.yamltext import parse_yaml
+from grasp_factory.factory import generate
+from grasp_factory.factory.executors import ProcessExecutor
+from grasp_factory.factory.run_log import RunLog
+from grasp_factory.factory.run_request import Request, resolve_request
+from grasp_factory.writers.zarr.lock import StoreLock
 
 TINY = ("--resolution", "32x24", "--set", "block_size=2", "--workers", "1", "--n", "2")
 FAR_ENOUGH = "every check was passed"
@@ -80,7 +82,7 @@ def unharmed(folder: Path) -> Iterator[None]:
 def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """An own folder to work in, with a store of two episodes."""
     path = tmp_path_factory.mktemp("bad")
-    factory.generate(CONFIG, 2, path / "ds.zarr", workers=1)
+    generate.generate(CONFIG, 2, path / "ds.zarr", workers=1)
     with contextlib.chdir(path):
         yield path
 
@@ -150,7 +152,7 @@ def checked_mapping(text: str) -> Any:
 )
 def test_a_config_file_of_any_bytes_never_harms(place: Path, content: bytes) -> None:
     Path("c.yaml").write_bytes(content)
-    with unharmed(place), mock.patch.object(factory, "prepare_store", refuse_all):
+    with unharmed(place), mock.patch.object(generate, "prepare_store", refuse_all):
         result = run("generate", "--config", "c.yaml", "--out", "new.zarr", "--workers", "1")
     assert result.code in (1, 2)
     check_refusal(result)
@@ -199,14 +201,14 @@ def test_any_values_of_options_are_taken_or_refused_in_one_line(
     place: Path, pairs: list[tuple[str, str]], flags: list[str]
 ) -> None:
     words = [*flags, *(word for pair in pairs for word in pair)]
-    with unharmed(place), mock.patch.object(factory, "prepare_store", refuse_all):
+    with unharmed(place), mock.patch.object(generate, "prepare_store", refuse_all):
         check_refusal(run("generate", "--out", "new.zarr", *words))
 
 
 @settings(max_examples=60)
 @given(TEXTS.filter(lambda text: not text.startswith("-")))
 def test_a_store_is_made_nowhere_but_where_one_can_be(place: Path, text: str) -> None:
-    with unharmed(place), mock.patch.object(factory, "prepare_store", refuse_all):
+    with unharmed(place), mock.patch.object(generate, "prepare_store", refuse_all):
         check_refusal(run("generate", *TINY, "--out", text))
 
 
@@ -255,7 +257,7 @@ def test_any_words_after_another_command_are_taken_or_refused(
 @given(st.binary(max_size=400))
 def test_a_lock_file_of_any_content_is_a_lock_or_is_left_alone(content: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        lock = Path(folder) / ".a.zarr.grasp-factory.lock"
+        lock = Path(folder) / ".a.zarr.grasp-generate.lock"
         lock.write_bytes(content)
         try:
             with warnings.catch_warnings(), StoreLock(Path(folder) / "a.zarr"):

@@ -15,19 +15,19 @@ from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, average_precision_score, roc_auc_score
 
 from grasp_factory import FactoryConfig, generate
-from grasp_factory.baselines.comparison import Course, compare, read_splits, train_on
-from grasp_factory.baselines.curve import Steps, learning_curve
-from grasp_factory.baselines.report import report_of, report_text
-from grasp_factory.baselines.scores import FIGURES, Bootstrap, auc, calibration_error
-from grasp_factory.baselines.training import TrainSettings, cross_entropy, fit
-from grasp_factory.baselines.trivial import majority, pose_only
-from grasp_factory.baselines.watching import unwatched
-from grasp_factory.crops import CropShape
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.learning.comparison import Course, compare, read_splits, train_on
+from grasp_factory.apps.learning.curve import Steps, learning_curve
+from grasp_factory.apps.learning.examples import ExampleReader, Examples
+from grasp_factory.apps.learning.report import report_of, report_text
+from grasp_factory.apps.learning.scores import FIGURES, Bootstrap, auc, calibration_error
+from grasp_factory.apps.learning.training import TrainSettings, cross_entropy, fit
+from grasp_factory.apps.learning.trivial import majority, pose_only
+from grasp_factory.apps.learning.watching import unwatched
+from grasp_factory.core.enums import Phase
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, UsageError
-from grasp_factory.examples import ExampleReader, Examples
-from grasp_factory.networks import KINDS, TOUCH, TouchWindow, load_model, save_model
-from grasp_factory.outcome import Phase
+from grasp_factory.policies.networks import KINDS, TOUCH, TouchWindow, load_model, save_model
+from grasp_factory.signals.grasp_crop import CropShape
 
 Run = Callable[..., tuple[int, str, str]]
 CROP = CropShape(size=24)
@@ -430,7 +430,7 @@ def test_a_part_with_one_label_is_told_before_anything_is_fitted(
     stores: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     test = Dataset.open(stores[1])
-    monkeypatch.setattr("grasp_factory.baselines.comparison.fit", None)
+    monkeypatch.setattr("grasp_factory.apps.learning.comparison.fit", None)
     rows = test.where(split="test")
     lost = rows[~test.column("success")[rows]]
     monkeypatch.setattr(Dataset, "split", lambda self, name: lost if name == "test" else rows)
@@ -441,7 +441,7 @@ def test_a_part_with_one_label_is_told_before_anything_is_fitted(
 def test_without_the_extra_the_command_says_what_to_install(
     complaint: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("grasp_factory.networks.loading.find_spec", lambda name: None)
+    monkeypatch.setattr("grasp_factory.policies.networks.loading.find_spec", lambda name: None)
     code, said = complaint("train", tmp_path)
     assert code == 2
     assert "pip install 'grasp-factory[train]'" in said

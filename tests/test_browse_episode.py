@@ -17,13 +17,13 @@ from browser import DESKTOP, PHONE, Page, chromium
 from click.testing import CliRunner
 from fake_episodes import JOINTS, make_rows, small_config
 
-from grasp_factory.cli import cli
-from grasp_factory.episode import Episode
-from grasp_factory.outcome import Outcome
+from grasp_factory.cli.main import cli
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import Episode
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.header import root_attributes
-from grasp_factory.writers.store import create_store
+from grasp_factory.writers.zarr.header import root_attributes
+from grasp_factory.writers.zarr.store import create_store
 
 TINY = Path(__file__).parents[1] / "data_samples" / "tiny.zarr"
 REAL, ODD, FILM = 0, 1, 2

@@ -17,11 +17,11 @@ from browse_process import Running, browsing
 from browser import DESKTOP, PHONE, Page, chromium
 from fake_episodes import JOINTS, make_rows, small_config
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.header import root_attributes
-from grasp_factory.writers.store import create_store
+from grasp_factory.writers.zarr.header import root_attributes
+from grasp_factory.writers.zarr.store import create_store
 
 CONFIG = small_config(block_size=33)
 N, PAGE = 132, 60

@@ -18,13 +18,13 @@ from fake_episodes import JOINTS, make_episode, make_spec, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp_factory.annotations import AnnotationLog
-from grasp_factory.browse.guard import HEADERS, MOST_BODY, Guard
-from grasp_factory.browse.serving import MOST_HEADER
+from grasp_factory.apps.browse.guard import HEADERS, MOST_BODY, Guard
+from grasp_factory.apps.browse.serving import MOST_HEADER
+from grasp_factory.dataset.annotations import AnnotationLog
 from grasp_factory.robots import ROBOTS
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config()
 SCRIPT = "<script>alert(1)</script><img src=x onerror=alert(2)>"
@@ -623,9 +623,9 @@ class TestScript:
     def test_a_bug_shows_nobody_a_traceback(
         self, store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from grasp_factory.browse.app import create_app
-        from grasp_factory.browse.thumbnails import Thumbnails
-        from grasp_factory.index import Index, fresh
+        from grasp_factory.apps.browse.app import create_app
+        from grasp_factory.apps.browse.thumbnails import Thumbnails
+        from grasp_factory.dataset.index import Index, fresh
 
         def fail(*_: object) -> None:
             raise ZeroDivisionError("the secret inside")

@@ -26,24 +26,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from grasp_factory.annotations import AnnotationLog
-from grasp_factory.browse import crowd, serving, site
-from grasp_factory.browse.app import create_app
-from grasp_factory.browse.drawing import THUMB_WIDTH, video_frame
-from grasp_factory.browse.numbers import DIGITS, json_bytes, plain, rounded
-from grasp_factory.browse.points import MOST_POINTS, cloud_bytes
-from grasp_factory.browse.thumbnails import Thumbnails
-from grasp_factory.clouds import PointCloud
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.browse import crowd, serving, site
+from grasp_factory.apps.browse.app import create_app
+from grasp_factory.apps.browse.drawing import THUMB_WIDTH, video_frame
+from grasp_factory.apps.browse.numbers import DIGITS, json_bytes, plain, rounded
+from grasp_factory.apps.browse.points import MOST_POINTS, cloud_bytes
+from grasp_factory.apps.browse.thumbnails import Thumbnails
+from grasp_factory.apps.pictures.painting import label_palette
+from grasp_factory.core.enums import Label
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset.annotations import AnnotationLog
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.index import Index, Query, database, fresh
 from grasp_factory.errors import StoreError, UsageError
-from grasp_factory.index import Index, Query, database, fresh
-from grasp_factory.outcome import Label
-from grasp_factory.painting import label_palette
-from grasp_factory.records import to_plain
 from grasp_factory.robots import ROBOTS
+from grasp_factory.signals.point_cloud import PointCloud
 from grasp_factory.signals.touch import contact_values
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr.store import prepare_store
 
 SAMPLES = Path(__file__).parent.parent / "data_samples" / "tiny.zarr"
 CONFIG = small_config(video_hz=10)
@@ -869,7 +869,7 @@ class TestTheCommand:
         own_store: Path,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        monkeypatch.setattr("grasp_factory.browse.find_spec", lambda name: None)
+        monkeypatch.setattr("grasp_factory.apps.browse.find_spec", lambda name: None)
         code, said = complaint("browse", own_store, "--no-open")
         assert code == 2
         assert "pip install 'grasp-factory[browse]'" in said
@@ -904,7 +904,7 @@ class TestTheCommand:
         import subprocess
 
         code = (
-            "import sys; from grasp_factory.cli import cli\n"
+            "import sys; from grasp_factory.cli.main import cli\n"
             "try: cli.main(['browse', '--help'])\n"
             "finally: print([m for m in ('flask', 'waitress', 'numpy', 'sqlite3', 'cv2') "
             "if m in sys.modules])"

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.camera import (
+from grasp_factory.core.camera import (
     Camera,
     Intrinsics,
     Renderer,
@@ -16,7 +16,7 @@ from grasp_factory.camera import (
     project,
     zbuffer_to_depth,
 )
-from grasp_factory.geometry import Array, apply, look_at
+from grasp_factory.core.geometry import Array, apply, look_at
 
 SIZES = st.tuples(st.integers(16, 64), st.integers(16, 64))
 FOVS = st.floats(math.radians(1.0), math.radians(170.0))

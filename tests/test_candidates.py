@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.geometry import Array, apply, inverse
+from grasp_factory.core.geometry import Array, apply, inverse
 from grasp_factory.policies.base import TIP_CLEARANCE
 from grasp_factory.policies.candidates import (
     POINTS,

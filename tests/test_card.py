@@ -25,26 +25,26 @@ from helpers import assert_same_tree, tree
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory import schema
-from grasp_factory.card import FILES, Publication, figures, making, write_card
-from grasp_factory.card.licences import LICENCES, licence_url
-from grasp_factory.card.limits import known_limits
-from grasp_factory.card.markdown import escape, fenced, table, word
-from grasp_factory.card.meanings import MEANINGS, label_conditions
-from grasp_factory.card.readme import size_category
-from grasp_factory.collecting import merge
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.card import FILES, Publication, figures, making, write_card
+from grasp_factory.apps.card.licences import LICENCES, licence_url
+from grasp_factory.apps.card.limits import known_limits
+from grasp_factory.apps.card.markdown import escape, fenced, table, word
+from grasp_factory.apps.card.meanings import MEANINGS, label_conditions
+from grasp_factory.apps.card.readme import size_category
+from grasp_factory.apps.pictures.painting import GREEN, RED
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.curation.merge import merge
+from grasp_factory.curation.relabel import relabel
+from grasp_factory.curation.verify import verify
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import StoreError, UnknownNameError, UsageError
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.painting import GREEN, RED
-from grasp_factory.relabel import relabel
-from grasp_factory.sections import LabelConfig
-from grasp_factory.summary import summarise
-from grasp_factory.verifying import verify
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr.store import prepare_store
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -14,7 +14,7 @@ import pytest
 import zarr
 from helpers import assert_same_tree
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.dataset.dataset import Dataset
 
 COMMAND = [sys.executable, "-m", "grasp_factory"]
 SMALL = ("--resolution", "64x48", "--set", "block_size=2", "--policy", "top_down", "--n", "4")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from helpers import assert_same_tree
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.dataset.dataset import Dataset
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 N = 8

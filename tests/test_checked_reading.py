@@ -16,13 +16,13 @@ from fake_episodes import JOINTS, make_rows, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp_factory.collecting import split
-from grasp_factory.dataset import Dataset
+from grasp_factory.curation.merge import split
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError, StoreError
-from grasp_factory.writers.chunks import unpack, unpack_words
-from grasp_factory.writers.encoding import packed_chunk
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.writers.zarr.chunks import unpack, unpack_words
+from grasp_factory.writers.zarr.encoding import packed_chunk
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 
 @pytest.fixture(scope="module")

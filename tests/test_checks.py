@@ -6,13 +6,20 @@ import dataclasses
 
 import numpy as np
 import pytest
+from grasp_factory.cli.physics import figures_text
 from scenes import default_episodes
 
-from grasp_factory.checks import SHORT, check_physics, coulomb, held, inertial, labels
-from grasp_factory.checks.figure import Figure, at_most, percentiles
-from grasp_factory.outcome import Outcome
-from grasp_factory.report import figures_text
-from grasp_factory.world import World
+from grasp_factory.apps.physics_check import (
+    SHORT,
+    check_physics,
+    coulomb,
+    held,
+    inertial,
+    label_convergence,
+)
+from grasp_factory.apps.physics_check.figure import Figure, at_most, percentiles
+from grasp_factory.core.enums import Outcome
+from grasp_factory.simulation.world import World
 
 
 @pytest.fixture(scope="module")
@@ -83,19 +90,21 @@ def test_the_imus_noise_has_the_densities_of_its_model(monkeypatch):
 
 
 def test_overlaps_beyond_a_millimetre_are_found(successes):
-    assert all(figure.passes for figure in labels.overlaps(successes))
+    assert all(figure.passes for figure in label_convergence.overlaps(successes))
     for column in ("max_penetration", "table_penetration"):
         columns = dict(successes[0].columns) | {column: 0.0011}
         wrong = dataclasses.replace(successes[0], columns=columns)
-        assert not all(figure.passes for figure in labels.overlaps([*successes, wrong] * 1)[:2])
+        assert not all(
+            figure.passes for figure in label_convergence.overlaps([*successes, wrong] * 1)[:2]
+        )
 
 
 def test_labels_that_finer_steps_do_not_confirm_are_counted(successes):
     with World() as world:
-        right = labels.against_finer_steps(world, successes[:1])
+        right = label_convergence.against_finer_steps(world, successes[:1])
         assert [f.passes for f in right] == [True, True, True]
         flipped = dataclasses.replace(successes[0], outcome=Outcome.LOST_IN_LIFT)
-        wrong = labels.against_finer_steps(world, [flipped])
+        wrong = label_convergence.against_finer_steps(world, [flipped])
         assert [f.passes for f in wrong[:2]] == [False, False]
 
 

@@ -24,14 +24,17 @@ import pytest
 import yaml
 from helpers import tree
 
-from grasp_factory import __version__, blocks, cli, factory, progress
+from grasp_factory import __version__
 from grasp_factory.__main__ import main
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.cli import main as cli
+from grasp_factory.cli import progress
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import RecipeError, StoreError
+from grasp_factory.factory import block_job, generate
+from grasp_factory.factory.run_request import resolve_request
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.policies import POLICIES
-from grasp_factory.request import resolve_request
 from grasp_factory.robots import ROBOTS
 
 COMMAND = [sys.executable, "-m", "grasp_factory"]
@@ -69,7 +72,7 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Four real episodes in tiny images."""
     path = tmp_path_factory.mktemp("cli") / "ds.zarr"
-    factory.generate(FactoryConfig(resolution=(32, 24)), 4, path, workers=1)
+    generate.generate(FactoryConfig(resolution=(32, 24)), 4, path, workers=1)
     return path
 
 
@@ -131,9 +134,9 @@ class TestGenerate:
             raise RecipeError("too heavy")
 
         def here(*args: Any, episode_timeout: float, **more: Any) -> Any:
-            return factory.generate(*args, **more)
+            return generate.generate(*args, **more)
 
-        monkeypatch.setattr(blocks, "run_episode", fail)
+        monkeypatch.setattr(block_job, "run_episode", fail)
         monkeypatch.setattr(progress, "generate", here)
         result = run("generate", "--n", 1, "--workers", 1, "--max-failures", 1, *TINY)
         assert result.code == 0
@@ -207,7 +210,7 @@ WRONG = [
     (["--out", "loop/x.zarr"], "loop/x.zarr cannot be used: Symlink loop from"),
     (["--out", "b/" * 3000], "cannot be used: File name too long; choose another path"),
     (["--set", r'out="a\0b"'], r"a\x00b cannot be used: embedded null byte"),
-    (["--out", "locked.zarr"], ".locked.zarr.grasp-factory.lock is in the way: it is no lock of"),
+    (["--out", "locked.zarr"], ".locked.zarr.grasp-generate.lock is in the way: it is no lock of"),
     (["--out", "noted.zarr"], "noted.zarr.runs.jsonl cannot be written: Is a directory"),
     (["--set", "seed=2001-99-99"], "--set 'seed=2001-99-99': '2001-99-99' is not valid YAML: "),
     (["--set", "seed=!!int foo"], "'!!int foo' is not valid YAML: invalid literal for int()"),
@@ -227,7 +230,7 @@ def test_a_mistake_is_one_line_and_exit_2_and_nothing_is_written(
     Path("typo.yaml").write_text("wokers: 3")
     Path("twice.yaml").write_text("seed: 3\nseed: 4")
     Path("loop").symlink_to("loop")
-    Path(".locked.zarr.grasp-factory.lock").write_text("mine")
+    Path(".locked.zarr.grasp-generate.lock").write_text("mine")
     Path("noted.zarr.runs.jsonl").mkdir()
     before, names = tree(tmp_path), sorted(tmp_path.rglob("*"))
     result = run("generate", "--n", "1", "--workers", "1", *args)
@@ -279,7 +282,7 @@ class TestReplay:
     def test_of_other_bytes_exits_with_1_and_names_the_array(
         self, run: Run, store: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from grasp_factory import replay
+        from grasp_factory.curation import replay
 
         other = Dataset.open(store)[2]
         monkeypatch.setattr(replay, "run_episode", lambda world, spec: other)
@@ -404,7 +407,7 @@ def test_the_help_of_generate_tells_the_true_defaults(run: Run) -> None:
 
 def test_help_loads_neither_the_simulator_nor_the_store() -> None:
     code = (
-        "import sys; from grasp_factory.cli import cli; cli(['generate', '--help'], 'x', "
+        "import sys; from grasp_factory.cli.main import cli; cli(['generate', '--help'], 'x', "
         "standalone_mode=False); print({'pybullet', 'zarr', 'cv2', 'numpy'} & set(sys.modules))"
     )
     done = subprocess.run(

@@ -16,21 +16,28 @@ from fake_episodes import JOINTS, make_episode, small_config
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.camera import Intrinsics, project
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.clouds import FAR_SHARE, FRAMES, PointCloud, joined, labels_of, visible_cloud
-from grasp_factory.collecting import split
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import CameraImage
+from grasp_factory.core.camera import Intrinsics, project
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Label, Outcome
+from grasp_factory.core.episode import CameraImage
+from grasp_factory.core.geometry import Array, apply, inverse, look_at, pose_matrices
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.curation.merge import split
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, UnknownNameError, UsageError
-from grasp_factory.factory import generate
-from grasp_factory.geometry import Array, apply, inverse, look_at, pose_matrices
+from grasp_factory.factory.generate import generate
 from grasp_factory.objects import find_set
-from grasp_factory.outcome import Label, Outcome
-from grasp_factory.records import to_plain
+from grasp_factory.signals.point_cloud import (
+    FAR_SHARE,
+    FRAMES,
+    PointCloud,
+    joined,
+    labels_of,
+    visible_cloud,
+)
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr.store import prepare_store
 
 FAR = 5.0
 EVERYTHING = labels_of("scene", 1)

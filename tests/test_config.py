@@ -14,13 +14,13 @@ import pytest
 import yaml
 from fake_episodes import make_spec, small_config
 
-from grasp_factory.config import FactoryConfig, first_difference
-from grasp_factory.episode import EpisodeSpec
+from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.physics import PHYSICS_PRESETS
+from grasp_factory.core.config.sections import MotionConfig
+from grasp_factory.core.config.yaml_loader import parse_yaml, read_yaml
+from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.errors import ConfigError
-from grasp_factory.request import MAX_EPISODES, MAX_WORKERS, Request, resolve_request
-from grasp_factory.sections import MotionConfig
-from grasp_factory.stepping import PHYSICS_PRESETS
-from grasp_factory.yamltext import parse_yaml, read_yaml
+from grasp_factory.factory.run_request import MAX_EPISODES, MAX_WORKERS, Request, resolve_request
 
 EVERYTHING_ELSE = {
     "seed": 2**63 - 1,

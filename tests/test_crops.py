@@ -17,18 +17,25 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from test_policies import brick, photograph
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
-from grasp_factory.crops import GLANCE, CropShape, GraspCrop, grasp_crop, grasp_relief
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import CameraImage
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Label, Outcome
+from grasp_factory.core.episode import CameraImage
+from grasp_factory.core.geometry import (
+    Array,
+    inverse,
+    look_at,
+    pose_matrices,
+    rotation_about,
+    transform,
+)
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreError, UnknownNameError, UsageError
-from grasp_factory.factory import generate
-from grasp_factory.geometry import Array, inverse, look_at, pose_matrices, rotation_about, transform
-from grasp_factory.outcome import Label, Outcome
-from grasp_factory.records import to_plain
+from grasp_factory.factory.generate import generate
+from grasp_factory.signals.grasp_crop import GLANCE, CropShape, GraspCrop, grasp_crop, grasp_relief
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr.store import prepare_store
 
 FRONT, OVERHEAD = CAMERAS["front"].config, CAMERAS["overhead"].config
 DOWN = np.diag([1.0, -1.0, -1.0])

@@ -12,11 +12,11 @@ import pytest
 import zarr
 from helpers import tree
 
-from grasp_factory.dataset import Dataset
-from grasp_factory.outcome import Outcome
-from grasp_factory.platforms import FINGERPRINT
-from grasp_factory.sampling import sample_spec
-from grasp_factory.writers.seals import SEAL
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.writers.zarr.metadata_checksum import SEAL
 
 SAMPLES = Path(__file__).parent.parent / "data_samples"
 

@@ -16,14 +16,15 @@ from fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_conf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import Episode
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, StoreMismatchError, UnknownNameError, UsageError
-from grasp_factory.outcome import Outcome
-from grasp_factory.writers import ZarrWriter, chunks
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers import ZarrWriter
+from grasp_factory.writers.zarr import chunks
+from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config()
 ROOM = schema.sizes(CONFIG, JOINTS)["T"]
@@ -327,13 +328,13 @@ def test_blocks_give_each_committed_episode_once_with_its_index(dataset: Dataset
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Return the list to which each shard's file is added when it is opened."""
     files: list[str] = []
-    read = chunks.Shard.__init__
+    read = chunks.ShardFile.__init__
 
     def note(shard: Any, file: str, count: int) -> None:
         files.append(file)
         read(shard, file, count)
 
-    monkeypatch.setattr(chunks.Shard, "__init__", note)
+    monkeypatch.setattr(chunks.ShardFile, "__init__", note)
     return files
 
 

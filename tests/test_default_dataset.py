@@ -10,10 +10,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from grasp_factory.dataset import Dataset
-from grasp_factory.geometry import quat_xyzw_to_matrix
-from grasp_factory.labels import target_com
-from grasp_factory.outcome import Outcome, Phase
+from grasp_factory.core.enums import Outcome, Phase
+from grasp_factory.core.geometry import quat_xyzw_to_matrix
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.labels.rule import target_com
 from grasp_factory.robots import ROBOTS
 
 pytestmark = pytest.mark.slow

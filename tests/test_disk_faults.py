@@ -20,15 +20,15 @@ from fake_episodes import make_episode, small_config
 from faulty_disk import FaultyDisk
 from helpers import assert_same_tree, tree
 
-from grasp_factory import blocks
-from grasp_factory.blocks import BlockJob, BlockMaker
+from grasp_factory.core.os_errors import GO_ON
 from grasp_factory.errors import GraspFactoryWarning, RecipeError, StaleLockWarning, StoreError
-from grasp_factory.factory import generate
-from grasp_factory.request import Request
-from grasp_factory.runlog import RunLog
-from grasp_factory.trouble import GO_ON
-from grasp_factory.writers import packing
-from grasp_factory.writers.lock import StoreLock
+from grasp_factory.factory import block_job
+from grasp_factory.factory.block_job import BlockJob, BlockMaker
+from grasp_factory.factory.generate import generate
+from grasp_factory.factory.run_log import RunLog
+from grasp_factory.factory.run_request import Request
+from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr.lock import StoreLock
 
 CONFIG = small_config(block_size=2)
 N = 4
@@ -44,8 +44,8 @@ def pretend(world: Any, spec: Any) -> Any:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "run_episode", pretend)
-    monkeypatch.setattr(packing, "SEGMENT_BLOCKS", 1)  # so that packing has its part
+    monkeypatch.setattr(block_job, "run_episode", pretend)
+    monkeypatch.setattr(segment_packing, "SEGMENT_BLOCKS", 1)  # so that packing has its part
 
 
 def make(out: Path, n: int = N) -> None:
@@ -74,8 +74,8 @@ def want(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the store of a run without faults."""
     out = tmp_path_factory.mktemp("want") / "ds.zarr"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(blocks, "run_episode", pretend)
-        patch.setattr(packing, "SEGMENT_BLOCKS", 1)
+        patch.setattr(block_job, "run_episode", pretend)
+        patch.setattr(segment_packing, "SEGMENT_BLOCKS", 1)
         make(out)
     return out
 
@@ -130,7 +130,7 @@ def is_growing(done: str) -> bool:
 
 
 def markers(out: Path) -> dict[str, bytes]:
-    """Return the commit markers of a store's blocks."""
+    """Return the commit markers of a store's block_job."""
     return {name: data for name, data in tree(out / "episodes/status").items() if name.isdecimal()}
 
 
@@ -160,7 +160,7 @@ def test_an_episode_is_not_quarantined_for_what_the_machine_did(
                 raise
             raise RecipeError(f"robot.urdf cannot be loaded: {error}") from None
 
-    monkeypatch.setattr(blocks, "run_episode", fail)
+    monkeypatch.setattr(block_job, "run_episode", fail)
     with pytest.raises(StoreError) as caught:
         BlockMaker(CONFIG, tmp_path / "ds.zarr")(BlockJob(block=0), lambda message: None)
     want = f"episode 0 cannot be made: {os.strerror(number)}; {GO_ON}"

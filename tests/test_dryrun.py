@@ -12,18 +12,19 @@ import pytest
 from fake_episodes import make_episode, small_config
 from helpers import tree
 
-from grasp_factory import blocks, dryrun, factory, pilots
-from grasp_factory.blocks import Made
-from grasp_factory.cli import cli
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dryrun import forecast, makespan, wilson
-from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.cli.main import cli
+from grasp_factory.cli.run_report import forecast_text
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.text_format import duration_text
 from grasp_factory.errors import RecipeError, StoreMismatchError
-from grasp_factory.executors import JOBS_PER_PROCESS
-from grasp_factory.pilots import FEWEST, Pilot, is_enough, relative_error
-from grasp_factory.report import duration_text, forecast_text
-from grasp_factory.request import Request
-from grasp_factory.world import World
+from grasp_factory.factory import block_job, dry_run, generate, pilot_blocks
+from grasp_factory.factory.block_job import Made
+from grasp_factory.factory.dry_run import forecast, makespan, wilson
+from grasp_factory.factory.executors import JOBS_PER_PROCESS
+from grasp_factory.factory.pilot_blocks import FEWEST, Pilot, is_enough, relative_error
+from grasp_factory.factory.run_request import Request
+from grasp_factory.simulation.world import World
 
 CONFIG = small_config()  # blocks of 4
 
@@ -36,7 +37,7 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulation; only for runs in this process."""
-    monkeypatch.setattr(blocks, "run_episode", pretend)
+    monkeypatch.setattr(block_job, "run_episode", pretend)
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ def alike(fake: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulation by one whose episodes all have the same size."""
     one = make_episode(CONFIG, 0)
     monkeypatch.setattr(
-        blocks, "run_episode", lambda world, spec: dataclasses.replace(one, spec=spec)
+        block_job, "run_episode", lambda world, spec: dataclasses.replace(one, spec=spec)
     )
 
 
@@ -137,7 +138,7 @@ class TestForecast:
         self, tmp_path: Path
     ) -> None:
         found = forecast(request(tmp_path / "ds.zarr", 10)).expected
-        made = factory.generate(CONFIG, 10, tmp_path / "ds.zarr", workers=1)
+        made = generate.generate(CONFIG, 10, tmp_path / "ds.zarr", workers=1)
         assert found is not None
         assert found.pilots == 10
         assert found.bytes == made.store.bytes
@@ -147,9 +148,9 @@ class TestForecast:
     def test_from_some_pilots_the_disk_of_all_is_foretold(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(pilots, "ENOUGH", math.inf)
+        monkeypatch.setattr(pilot_blocks, "ENOUGH", math.inf)
         found = forecast(request(tmp_path / "ds.zarr", 24)).expected
-        made = factory.generate(CONFIG, 24, tmp_path / "ds.zarr", workers=1)
+        made = generate.generate(CONFIG, 24, tmp_path / "ds.zarr", workers=1)
         assert found is not None
         assert found.pilots == FEWEST
         assert found.bytes == pytest.approx(made.store.bytes, rel=0.01)
@@ -157,32 +158,32 @@ class TestForecast:
 
     @pytest.mark.usefixtures("alike")
     def test_what_is_there_takes_no_disk_again(self, tmp_path: Path) -> None:
-        before = factory.generate(CONFIG, 4, tmp_path / "ds.zarr", workers=1).store.bytes
+        before = generate.generate(CONFIG, 4, tmp_path / "ds.zarr", workers=1).store.bytes
         found = forecast(request(tmp_path / "ds.zarr", 8)).expected
-        after = factory.generate(CONFIG, 8, tmp_path / "ds.zarr", workers=1).store.bytes
+        after = generate.generate(CONFIG, 8, tmp_path / "ds.zarr", workers=1).store.bytes
         assert found is not None
         assert found.bytes == pytest.approx(after - before, rel=0.01)
 
     def test_makes_no_more_than_the_most(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(pilots, "ENOUGH", 0.0)
-        monkeypatch.setattr(pilots, "MOST", 12)
+        monkeypatch.setattr(pilot_blocks, "ENOUGH", 0.0)
+        monkeypatch.setattr(pilot_blocks, "MOST", 12)
         found = forecast(request(tmp_path / "ds.zarr", 20)).expected
         assert found is not None
         assert found.pilots == 12
 
     def test_counts_what_is_there_as_the_run_does(self, tmp_path: Path) -> None:
         out = tmp_path / "ds.zarr"
-        factory.generate(CONFIG, 6, out, workers=1)
+        generate.generate(CONFIG, 6, out, workers=1)
         files = tree(tmp_path)
         found = forecast(request(out, 10))
         assert tree(tmp_path) == files
-        made = factory.generate(CONFIG, 10, out, workers=1)
+        made = generate.generate(CONFIG, 10, out, workers=1)
         assert (found.to_make, found.already_there) == (made.made, made.already_there) == (4, 6)
 
     def test_of_a_store_that_is_complete_makes_no_pilot(self, tmp_path: Path) -> None:
-        factory.generate(CONFIG, 8, tmp_path / "ds.zarr", workers=1)
+        generate.generate(CONFIG, 8, tmp_path / "ds.zarr", workers=1)
         found = forecast(request(tmp_path / "ds.zarr", 8))
         assert (found.expected, found.to_make, found.already_there) == (None, 0, 8)
         assert forecast_text(found).endswith("is complete.")
@@ -198,7 +199,7 @@ class TestForecast:
         def refuse(world: World, spec: EpisodeSpec) -> Episode:
             raise RecipeError("no luck")
 
-        monkeypatch.setattr(blocks, "run_episode", refuse)
+        monkeypatch.setattr(block_job, "run_episode", refuse)
         found = forecast(request(tmp_path / "ds.zarr", 8))
         assert found.expected is not None
         assert (found.expected.pilots, found.expected.quarantined) == (8, 8)
@@ -207,7 +208,7 @@ class TestForecast:
 
     def test_refuses_what_the_run_would_refuse(self, tmp_path: Path) -> None:
         out = tmp_path / "ds.zarr"
-        factory.generate(CONFIG, 4, out, workers=1)
+        generate.generate(CONFIG, 4, out, workers=1)
         with pytest.raises(StoreMismatchError, match="another config"):
             forecast(request(out, 8, small_config(seed=5)))
         with pytest.raises(StoreMismatchError, match=r"there is no directory .*nowhere"):
@@ -234,7 +235,7 @@ class TestForecast:
             assert f"\n{word} " in text
         cli.main([*args, "--json"], "grasp-factory", standalone_mode=False)
         record = json.loads(capsys.readouterr().out)
-        fields = {f.name for f in dataclasses.fields(dryrun.Expected)}
+        fields = {f.name for f in dataclasses.fields(dry_run.Expected)}
         assert set(record["expected"]) == fields
         assert record["fits"] is True
         assert list(tmp_path.iterdir()) == []
@@ -244,7 +245,7 @@ class TestForecast:
 def test_processes_are_started_for_the_pilots_as_for_the_run(tmp_path: Path) -> None:
     config = FactoryConfig(resolution=(32, 24), block_size=2)
     found = forecast(Request(config=config, n=6, workers=2, out=tmp_path / "ds.zarr")).expected
-    made = factory.generate(config, 6, tmp_path / "ds.zarr", workers=2)
+    made = generate.generate(config, 6, tmp_path / "ds.zarr", workers=2)
     assert found is not None
     assert found.pilots == 6
     assert found.bytes == made.store.bytes

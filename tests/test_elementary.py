@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory import elementary
+from grasp_factory.core import elementary
 
 ANGLES = np.concatenate(
     [np.linspace(-7.0, 7.0, 701), np.linspace(-1e5, 1e5, 201), np.linspace(-1e-3, 1e-3, 51)]

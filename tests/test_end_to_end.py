@@ -11,7 +11,7 @@ import time
 import pytest
 from helpers import assert_same_tree
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.dataset.dataset import Dataset
 
 pytestmark = pytest.mark.slow
 N = 14

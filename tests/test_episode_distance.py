@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from fake_episodes import make_episode, small_config
 
-from grasp_factory.episode import Episode
-from grasp_factory.episode_distance import episode_distance, first_different
-from grasp_factory.outcome import Outcome
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import Episode
+from grasp_factory.curation.episode_distance import episode_distance, first_different
 
 STEPS = 20
 POSE = (0.4, -0.1, 0.05, 0.0, 0.0, 0.6, 0.8)

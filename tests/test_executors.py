@@ -15,7 +15,7 @@ import fake_blocks as blocks
 import pytest
 
 from grasp_factory.errors import RecipeError, WorkerError
-from grasp_factory.executors import Executor, InlineExecutor, ProcessExecutor, make_executor
+from grasp_factory.factory.executors import Executor, InlineExecutor, ProcessExecutor, make_executor
 
 TESTS = Path(__file__).parent
 ROOT = TESTS.parent
@@ -123,7 +123,7 @@ def test_a_worker_that_exits_is_an_error_that_names_job_and_exit_code() -> None:
 
 UNGUARDED = """
 import fake_blocks
-from grasp_factory.executors import ProcessExecutor
+from grasp_factory.factory.executors import ProcessExecutor
 ProcessExecutor(2).run(fake_blocks.square, [0, 1], print)
 """
 
@@ -207,7 +207,7 @@ def test_a_worker_that_is_stopped_tidies_up_after_itself(tmp_path: Path) -> None
 
 
 SCRIPT = """
-from grasp_factory.executors import ProcessExecutor
+from grasp_factory.factory.executors import ProcessExecutor
 import fake_blocks as blocks
 
 if __name__ == "__main__":

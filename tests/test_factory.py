@@ -16,11 +16,12 @@ import zarr
 from fake_episodes import make_episode, small_config
 from helpers import assert_same_tree, tree
 
-from grasp_factory import blocks, factory, replay, resuming
-from grasp_factory.blocks import Made, block_range
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.curation import replay
+from grasp_factory.curation.verify.blocks import BlockChecker
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import (
     ConfigError,
     GraspFactoryWarning,
@@ -31,17 +32,17 @@ from grasp_factory.errors import (
     UnknownNameError,
     UsageError,
 )
-from grasp_factory.factory import Plan, generate
+from grasp_factory.factory import block_job, resume
+from grasp_factory.factory import generate as factory
+from grasp_factory.factory.block_job import Made, block_range
+from grasp_factory.factory.generate import RunPlan, generate
 from grasp_factory.robots import ROBOTS
-from grasp_factory.sampling import sample_spec
-from grasp_factory.summary import summarise
-from grasp_factory.verifying.blocks import BlockChecker
-from grasp_factory.world import World
-from grasp_factory.writers import packing
-from grasp_factory.writers import zarr as zarr_writer
-from grasp_factory.writers.files import write_aside
-from grasp_factory.writers.lock import StoreLock
-from grasp_factory.writers.packed import segments
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.world import World
+from grasp_factory.writers.zarr import segment_packing, writer
+from grasp_factory.writers.zarr.column_segments import segments
+from grasp_factory.writers.zarr.files import write_aside
+from grasp_factory.writers.zarr.lock import StoreLock
 
 CONFIG = small_config()  # blocks of 4
 TINY = FactoryConfig(resolution=(32, 24), block_size=2)
@@ -63,7 +64,7 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Callable[[Simulate], None]:
     """Replace the simulation; only for runs in this process."""
-    return lambda simulate: monkeypatch.setattr(blocks, "run_episode", simulate)
+    return lambda simulate: monkeypatch.setattr(block_job, "run_episode", simulate)
 
 
 @pytest.fixture(autouse=True)
@@ -95,7 +96,7 @@ class TestARun:
         told: list[Any] = []
         generate(CONFIG, 6, out, workers=1, on_start=told.append, on_episode=told.append)
         plan, *made = told
-        assert isinstance(plan, Plan)
+        assert isinstance(plan, RunPlan)
         assert (plan.episodes, plan.to_make, plan.blocks, plan.workers) == (6, 6, (0, 1), 1)
         assert [m.index for m in made] == list(range(6))
         dataset = Dataset.open(out)
@@ -212,7 +213,7 @@ class TestGrowingACutBlock:
             write_aside(file, data)
 
         with monkeypatch.context() as patch, pytest.raises(StoreError, match="No space left"):
-            patch.setattr(zarr_writer, "write_aside", fails_later)
+            patch.setattr(writer, "write_aside", fails_later)
             generate(CONFIG, 12, ten, workers=1)
         dataset = Dataset.open(ten, checked=True)
         assert dataset.committed.tolist() == list(range(10))
@@ -250,7 +251,7 @@ def test_going_on_with_other_versions_is_warned_of(
     out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     generate(CONFIG, 4, out, workers=1)
-    monkeypatch.setattr(resuming, "changed_versions", lambda facts: ["pybullet: 3.2.7, now 9.9.9"])
+    monkeypatch.setattr(resume, "changed_versions", lambda facts: ["pybullet: 3.2.7, now 9.9.9"])
     with pytest.warns(GraspFactoryWarning, match=r"other versions \(pybullet: 3\.2\.7, now 9"):
         generate(CONFIG, 8, out, workers=1)
     generate(CONFIG, 8, out, workers=1)  # nothing is made: nothing to warn of
@@ -366,7 +367,7 @@ def test_the_diary_beside_the_store_has_a_line_per_run(out: Path) -> None:
 class TestARunThatFillsSegments:
     @pytest.fixture(autouse=True)
     def small_segments(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(packing, "SEGMENT_BLOCKS", 1)
+        monkeypatch.setattr(segment_packing, "SEGMENT_BLOCKS", 1)
 
     @staticmethod
     def packed(out: Path) -> list[str]:
@@ -401,7 +402,7 @@ def test_blocks_cover_every_episode_once_and_end_with_the_store() -> None:
 
 
 def test_an_empty_store_has_no_rates(out: Path) -> None:
-    def stop(_plan: Plan) -> None:
+    def stop(_plan: RunPlan) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -531,7 +532,7 @@ class TestAReplay:
                 replay.replay(store, index)
 
     def test_of_an_episode_that_is_not_made_says_what_to_do(self, out: Path) -> None:
-        def stop(_plan: Plan) -> None:
+        def stop(_plan: RunPlan) -> None:
             raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):

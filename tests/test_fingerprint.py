@@ -9,12 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from platform_processes import WITHOUT_FMA, in_a_process, needs_fma
 
-from grasp_factory import fingerprint as measuring
-from grasp_factory.config import FactoryConfig
-from grasp_factory.errors import StoreError
-from grasp_factory.fingerprint import fingerprint
-from grasp_factory.machine import UNKNOWN, level, platform_facts
-from grasp_factory.platforms import (
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.machine import UNKNOWN, level, platform_facts
+from grasp_factory.core.platforms import (
     FINGERPRINT,
     PARTS,
     Fingerprint,
@@ -24,11 +21,15 @@ from grasp_factory.platforms import (
     meaning,
     parsed,
 )
+from grasp_factory.errors import StoreError
+from grasp_factory.simulation import fingerprint as measuring
+from grasp_factory.simulation.fingerprint import fingerprint
 
 SOME = Fingerprint(engine="00000001", images="0000000a", libm="deadbeef", arithmetic="12345678")
 WITH_A_MODEL = replace(SOME, network="99999999")
 MEASURED = (
-    "from grasp_factory import FactoryConfig; from grasp_factory.fingerprint import fingerprint;"
+    "from grasp_factory import FactoryConfig;"
+    "from grasp_factory.simulation.fingerprint import fingerprint;"
     "print(fingerprint(FactoryConfig()).text)"
 )
 

@@ -18,25 +18,31 @@ from helpers import tree
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory import models, progress
-from grasp_factory.baselines import scores
-from grasp_factory.baselines.scores import Estimate
-from grasp_factory.baselines.watching import unwatched
-from grasp_factory.cache import VARIABLE
-from grasp_factory.config import FactoryConfig, first_difference
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.active_learning import ARMS, FlywheelSettings, learning, run_rounds
+from grasp_factory.apps.active_learning.journal import FILE, Journal
+from grasp_factory.apps.active_learning.judging import Judge, mistakes_of, object_mean
+from grasp_factory.apps.active_learning.learning import (
+    TrainingSet,
+    held_out_examples,
+    joined,
+    learn,
+)
+from grasp_factory.apps.active_learning.plot import picture_of
+from grasp_factory.apps.active_learning.rounds import Round, SelectionGain
+from grasp_factory.apps.active_learning.stores import StoreFacts, complete, make_quietly
+from grasp_factory.apps.active_learning.text import flywheel_text
+from grasp_factory.apps.learning import scores
+from grasp_factory.apps.learning.examples import Examples
+from grasp_factory.apps.learning.scores import Estimate
+from grasp_factory.apps.learning.watching import unwatched
+from grasp_factory.cli import progress
+from grasp_factory.core.cache import VARIABLE
+from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.splits import SPLITS
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, UsageError
-from grasp_factory.examples import Examples
-from grasp_factory.flywheel import ARMS, FlywheelSettings, learning, turn_flywheel
-from grasp_factory.flywheel.journal import FILE, Journal
-from grasp_factory.flywheel.judging import Judge, mistakes_of, object_mean
-from grasp_factory.flywheel.learning import Lessons, held_out_examples, joined, learn
-from grasp_factory.flywheel.plot import picture_of
-from grasp_factory.flywheel.stores import StoreFacts, complete, make_quietly
-from grasp_factory.flywheel.text import flywheel_text
-from grasp_factory.flywheel.turns import Gain, Turn
-from grasp_factory.networks import load_model
-from grasp_factory.splits import SPLITS
+from grasp_factory.policies import model_registry as models
+from grasp_factory.policies.networks import load_model
 
 Run = Callable[..., tuple[int, str, str]]
 SHA256 = "5" * 64
@@ -92,13 +98,13 @@ def examples(count: int, seed: int = 0) -> Examples:
     )
 
 
-def lessons(seed: int = 0) -> Lessons:
-    return Lessons(stores=(facts(),), train=examples(16, seed), val=examples(6, seed + 1))
+def lessons(seed: int = 0) -> TrainingSet:
+    return TrainingSet(stores=(facts(),), train=examples(16, seed), val=examples(6, seed + 1))
 
 
-def turn_of(number: int, auc: float) -> Turn:
+def turn_of(number: int, auc: float) -> Round:
     band = Estimate(value=auc, low=auc - 0.1, high=auc + 0.1)
-    return Turn(
+    return Round(
         round=number, store=facts(), choice=None, learned_from=("round0.zarr",),
         episodes=100 * (number + 1), train_examples=80, val_examples=10, models=(),
         scores={"auc": band, "average_precision": band, "calibration_error": band},
@@ -435,7 +441,7 @@ LINES = {
     "random": [turn_of(0, 0.6), turn_of(1, 0.65)],
 }
 GAINS = [
-    Gain(
+    SelectionGain(
         round=1,
         episodes=200,
         scores={
@@ -507,7 +513,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         settings = FlywheelSettings(
             config=config, rounds=1, start=32, budget=8, evaluation=24, tries=4, seeds=2, epochs=2
         )
-        turn_flywheel(settings, home / "fly", workers=1)
+        run_rounds(settings, home / "fly", workers=1)
     shutil.rmtree(home / "cache")
     return home / "fly"
 

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from helpers import assert_same_tree
 
-from grasp_factory.cache import VARIABLE, cache_dir, digest, write
+from grasp_factory.core.cache import VARIABLE, cache_dir, digest, write
 from grasp_factory.errors import ConfigError, StoreError, UsageError
 from grasp_factory.objects.base import Compound
-from grasp_factory.objects.folder import FolderObject, Geometry, Manifest, Solid, load_folder
+from grasp_factory.objects.folder import ConvexPart, FolderObject, Geometry, Manifest, load_folder
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
 from grasp_factory.objects.folder_cache import manifest_path, mesh_path
 
@@ -148,7 +148,7 @@ class TestRecords:
 
     def test_a_solid_is_one_that_the_engine_knows(self) -> None:
         with pytest.raises(ConfigError, match="shape: got '/etc/passwd', valid: box, sphere"):
-            Solid(
+            ConvexPart(
                 shape="/etc/passwd",
                 size=(0.1, 0.1, 0.1),
                 position=(0.0, 0.0, 0.0),

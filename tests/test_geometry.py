@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from grasp_factory.geometry import (
+from grasp_factory.core.geometry import (
     IDENTITY,
     Array,
     Pose,

@@ -7,10 +7,16 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from grasp_factory import ik
-from grasp_factory.geometry import rotation_about, rotation_vector, transform
-from grasp_factory.ik import MAX_JOINT_STEP, SAME_SOLUTION, ik_solutions, solve_ik, track_path
-from grasp_factory.kinematics import Chain
+from grasp_factory.core.geometry import rotation_about, rotation_vector, transform
+from grasp_factory.robots import ik
+from grasp_factory.robots.ik import (
+    MAX_JOINT_STEP,
+    SAME_SOLUTION,
+    ik_solutions,
+    solve_ik,
+    track_path,
+)
+from grasp_factory.robots.kinematics import Chain
 
 DATA = Path(pybullet_data.getDataPath())
 IIWA = Chain.from_urdf(

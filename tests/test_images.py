@@ -12,21 +12,21 @@ from hypothesis import strategies as st
 from scenes import SMALL, cube_spec, take_images
 from worlds import world_of
 
-from grasp_factory.camera import deproject, project
-from grasp_factory.cameras import CAMERAS as SHIPPED
-from grasp_factory.episode import EpisodeSpec
-from grasp_factory.geometry import Pose, apply, inverse
+from grasp_factory.core.camera import deproject, project
+from grasp_factory.core.config.cameras import CAMERAS as SHIPPED
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
+from grasp_factory.core.config.sections import CameraConfig, ClutterConfig
+from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.core.geometry import Pose, apply, inverse
+from grasp_factory.core.renderer import Renderer
 from grasp_factory.objects import OBJECT_SETS
-from grasp_factory.outcome import Label
-from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.renderer import Renderer
 from grasp_factory.robots import ROBOTS
-from grasp_factory.sampling import sample_spec
-from grasp_factory.scene import Scene, build_scene, look, settle
-from grasp_factory.sections import CameraConfig, ClutterConfig
-from grasp_factory.sensors import render
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.world import World
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.scene import Scene, build_scene, render_cameras, settle
+from grasp_factory.simulation.sensors import render
+from grasp_factory.simulation.world import World
 
 CAMERAS = {
     "front": SMALL.cameras["front"],
@@ -152,7 +152,7 @@ def test_compositing_gives_the_full_render_bit_for_bit(tiny_world, seed, resolut
     )
     spec = sample_spec(config, 0)
     composed = posed_scene(tiny_world, spec, seed)
-    images = look(composed)
+    images = render_cameras(composed)
     stage = posed_scene(tiny_world, spec, seed).stage
     for body, surface in (
         (stage.floor, spec.surroundings.floor),

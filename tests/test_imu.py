@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scenes import SMALL, cube_spec
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.geometry import quat_xyzw_to_matrix
-from grasp_factory.outcome import Phase
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.geometry import quat_xyzw_to_matrix
 from grasp_factory.robots import ROBOTS
-from grasp_factory.rollout import run_episode
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.world import World
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 
 @pytest.fixture(scope="module", params=list(ROBOTS))

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array
 from grasp_factory.signals import BMI088, ImuNoise, TriadNoise, apply_imu_noise, bmi088
 from grasp_factory.signals.imu_noise import STANDARD_GRAVITY, walk_of_floor
 

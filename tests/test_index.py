@@ -23,19 +23,27 @@ import numpy as np
 import pytest
 from fake_episodes import JOINTS, make_rows, make_spec, small_config
 
-from grasp_factory.annotations import AnnotationLog
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.schema import STATUS
+from grasp_factory.dataset.annotations import AnnotationLog
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.index import (
+    COLUMNS,
+    Index,
+    Query,
+    build,
+    default_path,
+    fresh,
+    indexed_store,
+)
+from grasp_factory.dataset.index.columns import OF_STORES, STORED
+from grasp_factory.dataset.index.database import APPLICATION_ID
+from grasp_factory.dataset.index.words import lighting, scenario
+from grasp_factory.dataset.selection import read_selection, selection_lines
 from grasp_factory.errors import StoreError, StoreMismatchError, UsageError
-from grasp_factory.index import COLUMNS, Index, Query, build, default_path, fresh, source
-from grasp_factory.index.columns import OF_STORES, STORED
-from grasp_factory.index.database import APPLICATION_ID
-from grasp_factory.index.words import lighting, scenario
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.schema import STATUS
-from grasp_factory.selection import read_selection, selection_lines
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config(resolution=(16, 16))
 N = 18
@@ -203,7 +211,7 @@ class TestRows:
         self, store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         few = built(store, tmp_path / "few.sqlite")
-        monkeypatch.setattr(source, "CHUNK", 1)
+        monkeypatch.setattr(indexed_store, "CHUNK", 1)
         assert built(store, tmp_path / "many.sqlite") == few
 
     @pytest.mark.parametrize(
@@ -303,8 +311,12 @@ class TestDerived:
         for file in (store / "zarr.json", store / STATUS.path / "zarr.json", store / STATUS.path):
             os.utime(file, (past, past))
         fresh([store]).close()
-        monkeypatch.setattr(source.Source, "rows", lambda *_: pytest.fail("rows are read"))
-        monkeypatch.setattr(source.Source, "blocks", lambda *_: pytest.fail("blocks are listed"))
+        monkeypatch.setattr(
+            indexed_store.IndexSource, "rows", lambda *_: pytest.fail("rows are read")
+        )
+        monkeypatch.setattr(
+            indexed_store.IndexSource, "blocks", lambda *_: pytest.fail("blocks are listed")
+        )
         with fresh([store]) as index:
             assert index.refresh() == 0
 
@@ -465,7 +477,7 @@ class TestFile:
         def refuse(*_: object) -> None:
             raise UsageError("index cannot be written; --index FILE")
 
-        monkeypatch.setattr("grasp_factory.index.handle.writing", refuse)
+        monkeypatch.setattr("grasp_factory.dataset.index.handle.writing", refuse)
         with fresh([store]) as index:  # it looks again, for the store is new
             assert len(rows_of(index)) == 14
         ZarrWriter(store).write_block(MISSING_BLOCK, make_rows(CONFIG, MISSING_BLOCK, N))
@@ -567,7 +579,8 @@ class TestSharing:
 
     def test_processes_that_open_it_at_once(self, store: Path) -> None:
         code = (
-            "import sys; from pathlib import Path; from grasp_factory.index import Query, fresh;"
+            "import sys; from pathlib import Path;"
+            "from grasp_factory.dataset.index import Query, fresh;"
             "print(fresh([Path(sys.argv[1])]).count(Query()))"
         )
         command = [sys.executable, "-c", code, str(store)]
@@ -741,7 +754,7 @@ class TestCommands:
         self, run: Run, store: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         whole = run("query", store, "--csv", "--sort", "lift_height")
-        monkeypatch.setattr("grasp_factory.cli_index.PAGE", 3)
+        monkeypatch.setattr("grasp_factory.cli.index.PAGE", 3)
         assert run("query", store, "--csv", "--sort", "lift_height") == whole
 
     def test_help_lists_the_columns(self, run: Run) -> None:

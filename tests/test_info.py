@@ -19,17 +19,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stored import old_store
 
-from grasp_factory import factory
-from grasp_factory.annotations import AnnotationLog
-from grasp_factory.card import markdown
-from grasp_factory.cli import cli
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.report_store import BAR, GROUPS, MOST_ROWS, store_text
-from grasp_factory.report_words import bar
-from grasp_factory.summary import StoreSummary, Tally, summarise
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.apps.card import markdown
+from grasp_factory.cli.main import cli
+from grasp_factory.cli.store_report import BAR, GROUPS, MOST_ROWS, store_text
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.text_format import bar
+from grasp_factory.dataset.annotations import AnnotationLog
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import StoreSummary, Tally, summarise
+from grasp_factory.factory import generate
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 CONFIG = small_config()
 
@@ -211,5 +211,5 @@ class TestPlatforms:
 def generated(folder: Path) -> Path:
     """Return a new store of three rows."""
     config = FactoryConfig(resolution=(32, 24), block_size=4)
-    factory.generate(config, 3, folder / "ds.zarr", workers=1)
+    generate.generate(config, 3, folder / "ds.zarr", workers=1)
     return folder / "ds.zarr"

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 from helpers import assert_same_tree
 
-from grasp_factory import progress
-from grasp_factory.dataset import Dataset
-from grasp_factory.stopping import RETRY_S
+from grasp_factory.cli import progress
+from grasp_factory.cli.signal_handling import RETRY_S
+from grasp_factory.dataset.dataset import Dataset
 
 N = 4
 COMMAND = [
@@ -207,7 +207,7 @@ def test_a_reader_that_waits_for_ever_does_not_hold_up_a_stopped_run(
 CHILD = """
 import atexit, os, signal, sys, time
 from grasp_factory.errors import Terminated
-from grasp_factory.stopping import leave, signals_as_exceptions
+from grasp_factory.cli.signal_handling import leave, signals_as_exceptions
 def tell(number): os.kill(os.getpid(), number)
 """
 

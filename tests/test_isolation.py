@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from helpers import assert_same_tree
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.sampling import sample_spec
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.sampling.spec import sample_spec
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 N = 12
@@ -26,7 +26,7 @@ import os, signal, sys, time
 from pathlib import Path
 
 if "--multiprocessing-fork" in sys.argv:  # in workers only
-    import grasp_factory.blocks as blocks
+    import grasp_factory.factory.block_job as blocks
 
     real = blocks.run_episode
 

@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.utils.data import DataLoader
 
-from grasp_factory.kept import KeptInputs
-from grasp_factory.networks import KINDS
+from grasp_factory.apps.learning.example_cache import KeptInputs
+from grasp_factory.policies.networks import KINDS
 from grasp_factory.torch import GraspDataset
 
 SHAPES = {"image": (3, 4, 4), "width": (1,)}
@@ -120,7 +120,7 @@ def test_kept_examples_are_not_read_again(monkeypatch: pytest.MonkeyPatch) -> No
     def unread(*args: object) -> None:
         raise AssertionError("read again")
 
-    monkeypatch.setattr("grasp_factory.examples.ExampleReader.inputs", unread)
+    monkeypatch.setattr("grasp_factory.apps.learning.examples.ExampleReader.inputs", unread)
     assert (examples[1]["image"] == first).all()
     with pytest.raises(AssertionError, match="read again"):
         examples[0]

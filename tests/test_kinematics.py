@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp_factory.geometry import rotation_about, rotation_vector, transform
-from grasp_factory.kinematics import Chain
+from grasp_factory.core.geometry import rotation_about, rotation_vector, transform
+from grasp_factory.robots.kinematics import Chain
 
 DATA = Path(pybullet_data.getDataPath())
 IIWA = DATA / "kuka_iiwa/model.urdf"

@@ -10,8 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, Pose, rotation_about, transform
-from grasp_factory.labels import (
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.enums import Label, Outcome, Phase
+from grasp_factory.core.geometry import Array, Pose, rotation_about, transform
+from grasp_factory.core.schema import MAX_CONTACTS
+from grasp_factory.labels.rule import (
     FELL_OFF,
     Measurements,
     judge,
@@ -20,9 +23,6 @@ from grasp_factory.labels import (
     target_com,
     touching,
 )
-from grasp_factory.outcome import Label, Outcome, Phase
-from grasp_factory.schema import MAX_CONTACTS
-from grasp_factory.sections import LabelConfig
 
 Streams = dict[str, NDArray[Any]]
 

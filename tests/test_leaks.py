@@ -11,14 +11,14 @@ import pytest
 import zarr
 from numpy.typing import NDArray
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.examples import ExampleReader, Examples
-from grasp_factory.factory import generate
-from grasp_factory.networks import KINDS, TOUCH
-from grasp_factory.outcome import Phase
-from grasp_factory.records import to_plain
+from grasp_factory.apps.learning.examples import ExampleReader, Examples
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.factory.generate import generate
+from grasp_factory.policies.networks import KINDS, TOUCH
 
 N = 8
 KNOWN_BEFORE = {

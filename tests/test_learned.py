@@ -18,23 +18,23 @@ from helpers import assert_same_tree
 from test_policies import brick, make_view, plain
 from tiny_models import tiny_model
 
-from grasp_factory import models
-from grasp_factory.cache import VARIABLE, cache_dir, digest
-from grasp_factory.collecting import merge, split
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Grasp, SceneView
+from grasp_factory.core.cache import VARIABLE, cache_dir, digest
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import Grasp, SceneView
+from grasp_factory.core.geometry import Array, apply, inverse, transform
+from grasp_factory.curation.merge import merge, split
+from grasp_factory.curation.repair import repair
+from grasp_factory.curation.replay import replay
+from grasp_factory.curation.verify import verify
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreError, UsageError
-from grasp_factory.factory import generate
-from grasp_factory.geometry import Array, apply, inverse, transform
-from grasp_factory.outcome import Label
-from grasp_factory.policies import POLICIES, learned
+from grasp_factory.factory.generate import generate
+from grasp_factory.policies import POLICIES, learned, model_registry
 from grasp_factory.policies.base import target_points
 from grasp_factory.policies.clearance import is_hit, open_gripper
 from grasp_factory.policies.learned import LearnedParameters
 from grasp_factory.policies.top_down import grasp_height
-from grasp_factory.replay import replay
-from grasp_factory.verifying import repair, verify
 
 N = 6
 SHA256 = "0" * 64
@@ -47,9 +47,9 @@ Run = Callable[..., tuple[int, str, str]]
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Give an empty cache, and a process that has loaded no model."""
     monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
-    models.find_model.cache_clear()
+    model_registry.find_model.cache_clear()
     yield tmp_path / "cache"
-    models.find_model.cache_clear()
+    model_registry.find_model.cache_clear()
 
 
 def config_of(sha256: str, **more: Any) -> FactoryConfig:
@@ -64,7 +64,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(VARIABLE, str(home / "cache"))
-        generate(config_of(models.keep(tiny_model(7))), N, home / "a.zarr", workers=1)
+        generate(config_of(model_registry.keep(tiny_model(7))), N, home / "a.zarr", workers=1)
     shutil.rmtree(home / "cache")
     return home / "a.zarr"
 
@@ -178,20 +178,20 @@ def test_a_wrong_setting_is_named(settings: dict[str, Any], text: str) -> None:
 class TestImport:
     def test_a_model_is_found_by_its_hash(self, tmp_path: Path, cache: Path) -> None:
         (tmp_path / "m").write_bytes(tiny_model(1))
-        sha256 = models.import_model(tmp_path / "m")
+        sha256 = model_registry.import_model(tmp_path / "m")
         assert sha256 == digest(tiny_model(1))
-        assert models.read(sha256) == tiny_model(1)
-        assert models.find_model(sha256).sha256 == sha256
+        assert model_registry.read(sha256) == tiny_model(1)
+        assert model_registry.find_model(sha256).sha256 == sha256
         assert cache_dir() == cache
 
     def test_one_that_is_absent_or_damaged_is_refused(self, cache: Path) -> None:
         with pytest.raises(ConfigError, match="has no trained model with the SHA-256 '0000"):
-            models.read(SHA256)
-        sha256 = models.keep(tiny_model(1))
+            model_registry.read(SHA256)
+        sha256 = model_registry.keep(tiny_model(1))
         (file,) = (cache / "models").iterdir()
         file.write_bytes(b"nonsense")
         with pytest.raises(ConfigError, match="give its file with --model FILE"):
-            models.find_model(sha256)
+            model_registry.find_model(sha256)
 
     @pytest.mark.parametrize(
         "content",
@@ -267,7 +267,7 @@ class TestTheModelInTheStore:
         assert np.isfinite(dataset.column("grasp_score")).any()
 
     def test_any_number_of_workers_gives_the_same_bytes(self, made: Path, tmp_path: Path) -> None:
-        config = config_of(models.keep(tiny_model(7)))
+        config = config_of(model_registry.keep(tiny_model(7)))
         generate(config, N, tmp_path / "b.zarr", workers=2)
         assert_same_tree(made, tmp_path / "b.zarr")
 
@@ -286,7 +286,7 @@ class TestTheModelInTheStore:
         assert Dataset.open(store).spec(N).policy_parameters["model"] == digest(tiny_model(7))
 
     def test_another_model_is_another_dataset(self, store: Path) -> None:
-        other = config_of(models.keep(tiny_model(8)))
+        other = config_of(model_registry.keep(tiny_model(8)))
         with pytest.raises(UsageError, match=r"another config \(policy_parameters.learned.model"):
             generate(other, N, store, workers=1)
 
@@ -307,7 +307,7 @@ class TestTheModelInTheStore:
         assert (problem.array, problem.what) == ("models/learned", "does not match its checksum")
 
     def test_a_damaged_one_is_mended_from_the_cache(self, made: Path, store: Path) -> None:
-        models.keep(tiny_model(7))
+        model_registry.keep(tiny_model(7))
         damage(store)
         assert repair(store, workers=1).is_whole
         assert_same_tree(made, store)
@@ -316,7 +316,7 @@ class TestTheModelInTheStore:
         shutil.rmtree(store / "models")
         with pytest.raises(ConfigError, match="--model FILE"):
             repair(store, workers=1)
-        models.keep(tiny_model(7))
+        model_registry.keep(tiny_model(7))
         assert repair(store, workers=1).is_whole
         assert_same_tree(made, store)
 
@@ -324,10 +324,10 @@ class TestTheModelInTheStore:
 def test_a_model_that_is_lost_while_blocks_are_made_is_no_episodes_fault(
     made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    config = config_of(models.keep(tiny_model(7)))
-    monkeypatch.setattr("grasp_factory.factory.find_model", lambda sha256: None)
+    config = config_of(model_registry.keep(tiny_model(7)))
+    monkeypatch.setattr("grasp_factory.factory.generate.find_model", lambda sha256: None)
     shutil.rmtree(cache_dir())
-    monkeypatch.setattr("grasp_factory.carried.packed", lambda config: {})
+    monkeypatch.setattr("grasp_factory.factory.embedded_assets.packed", lambda config: {})
     with pytest.raises(ConfigError, match="has no trained model"):
         generate(config, N, tmp_path / "b.zarr", workers=1)
     assert not Dataset.open(tmp_path / "b.zarr").status.any()

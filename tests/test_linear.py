@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.linear import (
+from grasp_factory.core.linear import (
     determinant,
     dot,
     length,

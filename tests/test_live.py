@@ -22,18 +22,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from live_run import SMALL, running
 
-from grasp_factory import blocks, browse
-from grasp_factory import index as index_package
-from grasp_factory.blocks import Made, in_few_words
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode, EpisodeSpec
-from grasp_factory.errors import UsageError
-from grasp_factory.factory import generate
-from grasp_factory.live.alarms import (
+from grasp_factory.apps import browse
+from grasp_factory.apps.live.alarms import (
     AGAIN_S,
+    ALARM_CHECKS,
     FEWEST_QUARANTINED,
-    LOOKS,
     NOT_TRIED,
     RESERVE,
     STALL_S,
@@ -43,18 +36,26 @@ from grasp_factory.live.alarms import (
     Finding,
     findings,
 )
-from grasp_factory.live.drift import EVERY, FALSE_ALARMS, LAST, SuccessDrift, two_sided
-from grasp_factory.live.facts import BlockFacts, Disk, Facts, Light
-from grasp_factory.live.state import LATEST, RECENT, Asked, LiveState
-from grasp_factory.live.view import LiveView
-from grasp_factory.live.watch import Watch
-from grasp_factory.live.windows import MOST_WINDOWS, TICK_S, Pace, Windows
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.progress import live_view
-from grasp_factory.records import to_plain
-from grasp_factory.world import World
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.apps.live.drift import EVERY, FALSE_ALARMS, LAST, SuccessDrift, two_sided
+from grasp_factory.apps.live.facts import BlockFacts, Brightness, Disk, EpisodeFacts
+from grasp_factory.apps.live.state import LATEST, RECENT, Asked, LiveState
+from grasp_factory.apps.live.view import LiveView
+from grasp_factory.apps.live.watch import RunWatch
+from grasp_factory.apps.live.windows import MOST_WINDOWS, TICK_S, EpisodeRate, Windows
+from grasp_factory.cli.run_progress import live_view
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset import index as index_package
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.errors import UsageError
+from grasp_factory.factory import block_job
+from grasp_factory.factory.block_job import Made, in_few_words
+from grasp_factory.factory.generate import generate
+from grasp_factory.simulation.world import World
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 GOOD = {
     "sharpness": 0.9,
@@ -76,8 +77,8 @@ def made(index: int, outcome: str = "success") -> Made:
     return Made(index=index, policy="top_down", outcome=outcome)
 
 
-def fact(row: int, outcome: str = "success", **more: Any) -> Facts:
-    return Facts(row=row, outcome=outcome, **{"lengths": LENGTHS, "measured": GOOD} | more)
+def fact(row: int, outcome: str = "success", **more: Any) -> EpisodeFacts:
+    return EpisodeFacts(row=row, outcome=outcome, **{"lengths": LENGTHS, "measured": GOOD} | more)
 
 
 def steady(
@@ -181,7 +182,7 @@ class TestWindows:
     def test_of_the_clock_hold_what_came_in_whole_ticks(
         self, times: list[float], more: float, window: float
     ) -> None:
-        pace = Pace()
+        pace = EpisodeRate()
         for at in times:
             pace.add(at)
         now = (times[-1] if times else 0.0) + more
@@ -301,7 +302,7 @@ class TestAnAlarm:
 
     def test_names_the_image_that_it_has_looked_at(self) -> None:
         state = steady(3)
-        good, black = Light(mean=0.5, clipped=0.0), Light(mean=0.001, clipped=1.0)
+        good, black = Brightness(mean=0.5, clipped=0.0), Brightness(mean=0.001, clipped=1.0)
         state.look(2, {"front before": good, "wrist after": black})
         found = the("image", state)
         assert (found.text, found.rows) == (
@@ -416,7 +417,7 @@ class TestTheBookOfAlarms:
             assert all(alarm.until is not None for alarm in book.past)
 
     def test_every_look_is_for_a_kind_of_its_own(self) -> None:
-        assert len({look.__name__ for look in LOOKS}) == len(LOOKS) == 8
+        assert len({look.__name__ for look in ALARM_CHECKS}) == len(ALARM_CHECKS) == 8
 
 
 class TestFactsOfAStore:
@@ -612,7 +613,7 @@ class TestAViewThatFails:
             time.sleep(0.3)  # so that the watch looks meanwhile
             return replace(make_episode(small_config(), spec.index), spec=spec)
 
-        monkeypatch.setattr(blocks, "run_episode", simulate)
+        monkeypatch.setattr(block_job, "run_episode", simulate)
 
     def test_by_its_facts(
         self, tmp_path: Path, told: list[str], monkeypatch: pytest.MonkeyPatch
@@ -643,7 +644,7 @@ class TestAViewThatFails:
         def fail(*_: object) -> None:
             raise RuntimeError("can't start new thread")
 
-        monkeypatch.setattr(Watch, "begin", fail)
+        monkeypatch.setattr(RunWatch, "begin", fail)
         assert self.make(tmp_path, told) == 6
         assert "cannot be started (RuntimeError: can't start new thread)" in told[0]
 

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from grasp_factory.blocks import Begun, BlockJob, Committed, Made
 from grasp_factory.errors import FailuresError, WorkerError
-from grasp_factory.losses import FEWEST_FAILURES, Failures, Losses
+from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made
+from grasp_factory.factory.retry_policy import FEWEST_FAILURES, Failures, Losses
 
 
 def made(index: int, outcome: str = "success") -> Made:

@@ -26,11 +26,16 @@ from hypothesis import strategies as st
 from scenes import SMALL
 from stored import old_store
 
-from grasp_factory import factory
-from grasp_factory.collecting import Collected, building, merge, split
-from grasp_factory.collecting.union import NOBODY, Rows, in_place, union
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.platforms import FINGERPRINT, Fingerprint
+from grasp_factory.curation.merge import Collected, building, merge, split
+from grasp_factory.curation.merge.union import NOBODY, Rows, in_place, union
+from grasp_factory.curation.relabel import relabel
+from grasp_factory.curation.replay import replay
+from grasp_factory.curation.verify import verify
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import (
     GraspFactoryError,
     StoreBusyError,
@@ -38,19 +43,15 @@ from grasp_factory.errors import (
     StoreMismatchError,
     UsageError,
 )
-from grasp_factory.outcome import Outcome
-from grasp_factory.platforms import FINGERPRINT, Fingerprint
-from grasp_factory.relabel import relabel
-from grasp_factory.replay import replay
-from grasp_factory.sections import LabelConfig
-from grasp_factory.verifying import verify
-from grasp_factory.writers import ZarrWriter, packing
-from grasp_factory.writers.files import write_aside
-from grasp_factory.writers.header import root_attributes
-from grasp_factory.writers.labels import NOT_LABELLED, write_label
-from grasp_factory.writers.lock import StoreLock
-from grasp_factory.writers.seals import SEAL, seal
-from grasp_factory.writers.store import create_store, prepare_store
+from grasp_factory.factory import generate as factory
+from grasp_factory.writers import ZarrWriter
+from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr.files import write_aside
+from grasp_factory.writers.zarr.header import root_attributes
+from grasp_factory.writers.zarr.label_columns import NOT_LABELLED, write_label
+from grasp_factory.writers.zarr.lock import StoreLock
+from grasp_factory.writers.zarr.metadata_checksum import SEAL, seal
+from grasp_factory.writers.zarr.store import create_store, prepare_store
 
 COMMAND = [sys.executable, "-m", "grasp_factory"]
 CONFIG = small_config(resolution=[16, 16])
@@ -272,9 +273,9 @@ class TestPartsOfOneDataset:
     def test_columns_are_packed_as_a_run_does(
         self, stores: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(packing, "SEGMENT_BLOCKS", 2)
+        monkeypatch.setattr(segment_packing, "SEGMENT_BLOCKS", 2)
         shutil.copytree(stores / "whole", tmp_path / "want")
-        packing.pack(tmp_path / "want")
+        segment_packing.pack(tmp_path / "want")
         merge([stores / "even", stores / "odd"], tmp_path / "out")
         assert (tmp_path / "out" / "packed" / "0-1.npz").exists()
         assert_same_tree(tmp_path / "out", tmp_path / "want")
@@ -686,7 +687,7 @@ class TestRefusals:
         out = tmp_path / "out"
         if into_a_directory:
             out.mkdir()
-        monkeypatch.setattr("grasp_factory.writers.zarr.fsync", full)
+        monkeypatch.setattr("grasp_factory.writers.zarr.writer.fsync", full)
         with pytest.raises(StoreError, match="out cannot be written: No space left on device"):
             merge([stores / "even"], out)
         assert list(tmp_path.rglob("*")) == [out] * into_a_directory
@@ -767,7 +768,9 @@ class TestKilled:
 
         with monkeypatch.context() as patch:
             patch.setattr(os, "replace", move)
-            patch.setattr("grasp_factory.collecting.place.shutil.rmtree", lambda path: None)
+            patch.setattr(
+                "grasp_factory.curation.merge.staged_store.shutil.rmtree", lambda path: None
+            )
             with pytest.raises(Killed):
                 merge([stores / "whole"], out)
         assert not (out / "streams").exists()

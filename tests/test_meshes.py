@@ -16,11 +16,14 @@ import numpy as np
 import pytest
 from helpers import assert_same_tree
 
-from grasp_factory import options
-from grasp_factory.cache import VARIABLE
+from grasp_factory.cli import options
+from grasp_factory.cli.object_import import import_for
+from grasp_factory.core.cache import VARIABLE
+from grasp_factory.core.config.physics import PhysicsConfig, Stepping
 from grasp_factory.errors import ConfigError, UsageError
-from grasp_factory.folders import import_for
-from grasp_factory.meshes import (
+from grasp_factory.objects.base import Compound, ObjectModel
+from grasp_factory.objects.folder import load_folder
+from grasp_factory.objects.importing import (
     FolderReport,
     ImportedObject,
     Refusal,
@@ -28,13 +31,10 @@ from grasp_factory.meshes import (
     report_text,
     worker,
 )
-from grasp_factory.meshes import child as child_module
-from grasp_factory.meshes.child import Child, CrashError
-from grasp_factory.meshes.job import Job, Shape
-from grasp_factory.objects.base import Compound, ObjectModel
-from grasp_factory.objects.folder import load_folder
-from grasp_factory.stepping import PhysicsConfig, Stepping
-from grasp_factory.world import World
+from grasp_factory.objects.importing import child as child_module
+from grasp_factory.objects.importing.child import Child, CrashError
+from grasp_factory.objects.importing.job import Job, Shape
+from grasp_factory.simulation.world import World
 
 WIDEST = 0.11
 BOX = nasty_meshes.encode("obj", *nasty_meshes.shapes()["box"])
@@ -119,7 +119,8 @@ class TestImporting:
 
     def test_an_import_does_not_load_the_libraries_into_this_process(self, folder: Path) -> None:
         code = (
-            "import sys; from pathlib import Path; from grasp_factory.meshes import import_folder;"
+            "import sys; from pathlib import Path;"
+            "from grasp_factory.objects.importing import import_folder;"
             f"import_folder(Path({str(folder)!r}), 'mine', 0.1);"
             "print([m for m in ('trimesh', 'coacd', 'scipy', 'pybullet') if m in sys.modules])"
         )
@@ -372,7 +373,8 @@ class TestChild:
     def test_libraries_that_are_missing_are_named_with_the_remedy(
         self, folder: Path, replace_child: Any
     ) -> None:
-        send = "from grasp_factory.meshes.job import encode; os.write(1, encode({'missing': 'x'}))"
+        use = "from grasp_factory.objects.importing.job import encode"
+        send = f"{use}; os.write(1, encode({{'missing': 'x'}}))"
         replace_child(f"{send}; time.sleep(9)")
         with pytest.raises(UsageError, match=r"needs 'x'.*pip install 'grasp-factory\[meshes\]'"):
             imported(folder)
@@ -395,7 +397,8 @@ class TestChild:
     @pytest.mark.skipif(sys.platform != "linux", reason="a call of Linux")
     def test_the_child_ends_with_an_importer_that_is_killed(self) -> None:
         code = (
-            "import subprocess, sys, time; inner = 'from grasp_factory.meshes import worker;'"
+            "import subprocess, sys, time;"
+            "inner = 'from grasp_factory.objects.importing import worker;'"
             "'worker._end_with_parent(); print(1, flush=True); import time; time.sleep(60)';"
             "child = subprocess.Popen([sys.executable, '-c', inner], stdout=subprocess.PIPE);"
             "child.stdout.readline(); print(child.pid, flush=True); time.sleep(60)"
@@ -411,7 +414,7 @@ class TestChild:
 
     def test_memory_has_a_limit(self) -> None:
         code = (
-            "import resource, sys, io; from grasp_factory.meshes import worker;"
+            "import resource, sys, io; from grasp_factory.objects.importing import worker;"
             "sys.stdin = open('/dev/null'); worker.main();"
             "print(resource.getrlimit(resource.RLIMIT_AS)[0], file=sys.stderr)"
         )
@@ -535,7 +538,7 @@ def fall(world: World, item: ObjectModel) -> float:
 
 
 def drop_pose(item: ObjectModel) -> Any:
-    from grasp_factory.geometry import Pose
+    from grasp_factory.core.geometry import Pose
 
     low, high = np.array(item.lower), np.array(item.upper)
     x, y = -(low + high)[:2] / 2.0

@@ -8,17 +8,17 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from grasp_factory.cache import VARIABLE
-from grasp_factory.geometry import Array
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.convert import convert
-from grasp_factory.meshes.hulls import MAX_CORNERS, MAX_HULLS, convex_parts, reduced
-from grasp_factory.meshes.job import Converted, Job, Shape
-from grasp_factory.meshes.joining import joined
-from grasp_factory.meshes.reading import read_mesh
-from grasp_factory.meshes.tidy import MAX_FACES, closed_bodies, tidied, without_dust
-from grasp_factory.meshes.units import guess_scale, sides
+from grasp_factory.core.cache import VARIABLE
+from grasp_factory.core.geometry import Array
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.convert import convert
+from grasp_factory.objects.importing.hulls import MAX_CORNERS, MAX_HULLS, convex_parts, reduced
+from grasp_factory.objects.importing.job import Converted, Job, Shape
+from grasp_factory.objects.importing.joining import joined
+from grasp_factory.objects.importing.mesh_reader import read_mesh
+from grasp_factory.objects.importing.tidy import MAX_FACES, closed_bodies, tidied, without_dust
+from grasp_factory.objects.importing.units import guess_scale, sides
 from grasp_factory.objects.obj_file import triangles
 
 SHAPES = nasty_meshes.shapes()
@@ -184,7 +184,7 @@ class TestFiles:
     def test_the_files_of_a_conversion_are_those_that_archives_take(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from grasp_factory.meshes import import_folder
+        from grasp_factory.objects.importing import import_folder
 
         (tmp_path / "ring.stl").write_bytes(nasty_meshes.encode("stl", *SHAPES["ring"]))
         monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))

@@ -9,17 +9,16 @@ import nasty_meshes
 import numpy as np
 import pytest
 
-from grasp_factory.cache import VARIABLE
-from grasp_factory.meshes import FolderReport, import_folder
-from grasp_factory.meshes import source as source_module
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.listing import list_files, read_inside
-from grasp_factory.meshes.references import mesh_file
-from grasp_factory.meshes.settings import Settings
-from grasp_factory.meshes.source import load_source
-from grasp_factory.meshes.urdf import parse_urdf
+from grasp_factory.core.cache import VARIABLE
 from grasp_factory.objects.base import Compound, ObjectModel
 from grasp_factory.objects.folder import load_folder
+from grasp_factory.objects.importing import FolderReport, import_folder, object_source
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.folder_listing import list_files, read_inside
+from grasp_factory.objects.importing.object_source import load_source
+from grasp_factory.objects.importing.references import mesh_file
+from grasp_factory.objects.importing.settings import Settings
+from grasp_factory.objects.importing.urdf import parse_urdf
 
 BOX = '<collision><geometry><box size="0.03 0.04 0.06"/></geometry></collision>'
 MESH = nasty_meshes.encode("obj", *nasty_meshes.shapes()["ring"])
@@ -266,7 +265,7 @@ class TestMeshesOfUrdfs:
         source = load_source(folder, "thing.urdf", Settings(), Settings())
         assert len(source.blobs) == 1
         assert {shape.blob for shape in source.job.collision} == {0}
-        monkeypatch.setattr(source_module, "MAX_BYTES", len(MESH) - 1)
+        monkeypatch.setattr(object_source, "MAX_BYTES", len(MESH) - 1)
         with pytest.raises(UnusableError, match="MiB together"):
             load_source(folder, "thing.urdf", Settings(), Settings())
 
@@ -350,8 +349,8 @@ class TestNothingOutsideIsRead:
         assert not [path for path in outside if path.startswith(str(folder.parent))]
 
     def test_the_conversion_opens_no_file_at_all(self) -> None:
-        from grasp_factory.meshes.convert import convert
-        from grasp_factory.meshes.job import Job, Shape
+        from grasp_factory.objects.importing.convert import convert
+        from grasp_factory.objects.importing.job import Job, Shape
 
         texture = MESH.replace(b"v ", b"mtllib /etc/passwd\nusemtl a\nv ", 1)
         ply = nasty_meshes.encode("ply", *nasty_meshes.shapes()["box"])

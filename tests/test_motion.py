@@ -7,17 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Grasp
-from grasp_factory.geometry import Array, rotation_about, rotation_vector, transform
-from grasp_factory.motion import (
-    GraspMotion,
-    JointSegment,
-    plan_motion,
-    sample,
-)
-from grasp_factory.robots import ROBOTS, arm_chain
-from grasp_factory.sections import (
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sections import (
     MAX_STRETCH,
     MAX_TRANSFER_S,
     PEAK_OVER_MEAN,
@@ -26,6 +17,15 @@ from grasp_factory.sections import (
     MotionConfig,
     ShakeConfig,
     WorkspaceConfig,
+)
+from grasp_factory.core.episode import Grasp
+from grasp_factory.core.geometry import Array, rotation_about, rotation_vector, transform
+from grasp_factory.robots import ROBOTS, arm_chain
+from grasp_factory.robots.trajectory import (
+    GraspMotion,
+    JointSegment,
+    plan_motion,
+    sample,
 )
 
 HZ = 240

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from test_policies import brick, photograph
 from tiny_models import tiny_model
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.crops import CropShape, GraspCrop, grasp_crop
-from grasp_factory.episode import CameraImage
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.enums import Label, Phase
+from grasp_factory.core.episode import CameraImage
+from grasp_factory.core.geometry import Array, inverse, rotation_about, transform
 from grasp_factory.errors import ConfigError, UsageError
-from grasp_factory.geometry import Array, inverse, rotation_about, transform
-from grasp_factory.networks import (
+from grasp_factory.policies.networks import (
     KINDS,
     TOUCH,
     GraspModel,
@@ -38,11 +38,11 @@ from grasp_factory.networks import (
     touch_of,
     width_of,
 )
-from grasp_factory.networks.inputs import DEEPEST, HEIGHT_UNIT, IMAGE, WIDTH
-from grasp_factory.networks.known import known_log_odds
-from grasp_factory.networks.model import CHUNK, STEP
-from grasp_factory.networks.nets import GraspNet
-from grasp_factory.outcome import Label, Phase
+from grasp_factory.policies.networks.inputs import DEEPEST, HEIGHT_UNIT, IMAGE, WIDTH
+from grasp_factory.policies.networks.known import known_log_odds
+from grasp_factory.policies.networks.model import CHUNK, STEP
+from grasp_factory.policies.networks.nets import GraspNet
+from grasp_factory.signals.grasp_crop import CropShape, GraspCrop, grasp_crop
 
 SHAPE = CropShape()
 Inputs = dict[str, NDArray[np.float32]]

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array
-from grasp_factory.noise import STEREO, STRUCTURED_LIGHT, DepthNoise
-from grasp_factory.noise.depth import corrupt
-from grasp_factory.noise.occlusion import bends, incidence, shadow
+from grasp_factory.signals.noise import STEREO, STRUCTURED_LIGHT, DepthNoise
+from grasp_factory.signals.noise.depth import corrupt
+from grasp_factory.signals.noise.occlusion import bends, incidence, shadow
 
 K = np.array([[580.0, 0.0, 320.0], [0.0, 580.0, 239.0], [0.0, 0.0, 1.0]])
 FAR = 50.0

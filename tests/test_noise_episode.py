@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from fake_episodes import JOINTS, make_episode, small_config
 
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
+from grasp_factory.core.episode import Episode
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UnknownNameError, UsageError
-from grasp_factory.noise import NOISE, STEREO, EpisodeNoise, SensorNoise, named_noise, noisy
 from grasp_factory.signals import BMI088, apply_imu_noise
+from grasp_factory.signals.noise import NOISE, STEREO, EpisodeNoise, SensorNoise, named_noise, noisy
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config()
 CHANGED = {

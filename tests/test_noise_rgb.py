@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp_factory.errors import UsageError
-from grasp_factory.noise import SMALL_PIXELS, RgbNoise
-from grasp_factory.noise.rgb import corrupt, linear_to_srgb, srgb_to_linear, streak
+from grasp_factory.signals.noise import SMALL_PIXELS, RgbNoise
+from grasp_factory.signals.noise.rgb import corrupt, linear_to_srgb, srgb_to_linear, streak
 
 CLEAN = RgbNoise(full_well=0.0, read_noise=0.0)
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array
-from grasp_factory.noise import (
+from grasp_factory.signals.noise import (
     LIGHTWEIGHT,
     MINI45,
     PIEZORESISTIVE,

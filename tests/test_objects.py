@@ -11,8 +11,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.geometry import IDENTITY, Array
 from grasp_factory.errors import UnknownNameError
-from grasp_factory.geometry import IDENTITY, Array
 from grasp_factory.objects import (
     MAX_PARTS,
     OBJECT_SETS,
@@ -27,8 +28,7 @@ from grasp_factory.objects.base import PRIMITIVES
 from grasp_factory.objects.blobs import BLOBS
 from grasp_factory.objects.classic import CLASSIC
 from grasp_factory.robots import ROBOTS
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.world import DATA, World
+from grasp_factory.simulation.world import DATA, World
 
 BLOB_SCALE = 0.015
 WALL = 0.05

@@ -10,12 +10,12 @@ import pytest
 from helpers import tree
 from stored import old_store
 
-from grasp_factory.browse.app import create_app
-from grasp_factory.browse.thumbnails import Thumbnails
-from grasp_factory.collecting.reading import RowReader
-from grasp_factory.dataset import Dataset
-from grasp_factory.index import fresh
-from grasp_factory.platforms import FINGERPRINT
+from grasp_factory.apps.browse.app import create_app
+from grasp_factory.apps.browse.thumbnails import Thumbnails
+from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.index import fresh
+from grasp_factory.dataset.row_reader import RowReader
 
 Run = Callable[..., tuple[int, str, str]]
 

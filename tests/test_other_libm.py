@@ -9,8 +9,8 @@ import pytest
 from damage import cut
 from platform_processes import WITHOUT_FMA, command, needs_fma
 
-from grasp_factory.dataset import Dataset
-from grasp_factory.platforms import PARTS
+from grasp_factory.core.platforms import PARTS
+from grasp_factory.dataset.dataset import Dataset
 
 pytestmark = needs_fma
 SMALL = ("--resolution", "32x24", "--workers", 1, "--set", "block_size=1", "--quiet")

@@ -16,15 +16,16 @@ from helpers import assert_same_tree, pending_blocks, tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import StoreError
-from grasp_factory.summary import summarise
-from grasp_factory.writers import ZarrWriter, packing
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.packed import FOLDER, coded, segments
-from grasp_factory.writers.packing import is_time_to_pack, pack
-from grasp_factory.writers.sizes import store_bytes
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers import ZarrWriter
+from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr.column_segments import FOLDER, coded, segments
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.segment_packing import is_time_to_pack, pack
+from grasp_factory.writers.zarr.sizes import store_bytes
+from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config(resolution=(16, 16))
 N = 27
@@ -34,7 +35,7 @@ MISSING = 2
 
 @pytest.fixture(autouse=True)
 def small_segments(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packing, "SEGMENT_BLOCKS", 2)
+    monkeypatch.setattr(segment_packing, "SEGMENT_BLOCKS", 2)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +125,7 @@ def packed(loose: Path, tmp_path_factory: pytest.TempPathFactory) -> Columns:
     """Return the columns of a packed copy, whose segments tests damage and mend again."""
     path = Path(shutil.copytree(loose, tmp_path_factory.mktemp("packed") / "store"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packing, "SEGMENT_BLOCKS", 2)
+        patch.setattr(segment_packing, "SEGMENT_BLOCKS", 2)
         pack(path)
     return Columns.open(path)
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.geometry import Array, apply
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sections import MAX_OBJECTS, ClutterConfig, WorkspaceConfig
+from grasp_factory.core.geometry import Array, apply
 from grasp_factory.objects import find_set
-from grasp_factory.placement import GAP, Placed, place_around, place_target
-from grasp_factory.sampling import sample_spec
-from grasp_factory.sections import MAX_OBJECTS, ClutterConfig, WorkspaceConfig
+from grasp_factory.sampling.placement import GAP, Placed, place_around, place_target
+from grasp_factory.sampling.spec import sample_spec
 
 WORKSPACE = WorkspaceConfig()
 HAND_HEIGHT = 0.50

@@ -17,12 +17,9 @@ from hypothesis import strategies as st
 from scenes import cube_spec
 from stored import TINY, varied, with_a_quarantined_row
 
-from grasp_factory import playback, videofile
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
-from grasp_factory.errors import GraspFactoryError, StoreError, UnknownNameError, UsageError
-from grasp_factory.outcome import Phase
-from grasp_factory.playback import (
+from grasp_factory.apps.playback import playback
+from grasp_factory.apps.playback import video_file as videofile
+from grasp_factory.apps.playback.playback import (
     CAPTION,
     END_S,
     MOST_FRAMES,
@@ -32,11 +29,15 @@ from grasp_factory.playback import (
     free_camera,
     stored_or_named_camera,
 )
-from grasp_factory.rollout import run_episode
-from grasp_factory.track import Track, phase_at
-from grasp_factory.videofile import GIF, MP4, check_video, nearest_fps, video_file
-from grasp_factory.world import World
-from grasp_factory.world.posed import PosedWorld
+from grasp_factory.apps.playback.track import Track, phase_at
+from grasp_factory.apps.playback.video_file import GIF, MP4, check_video, nearest_fps, video_file
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.episode import Episode
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.errors import GraspFactoryError, StoreError, UnknownNameError, UsageError
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
+from grasp_factory.simulation.world.posed import PosedWorld
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -440,7 +441,7 @@ class TestCommand:
         args: tuple[object, ...],
         said: str,
     ) -> None:
-        monkeypatch.setattr("grasp_factory.replay.World", None)
+        monkeypatch.setattr("grasp_factory.curation.replay.World", None)
         code, err = complaint("replay", TINY, 0, *args)
         assert code == 2
         assert said in err

@@ -23,19 +23,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from grasp_factory import plot
-from grasp_factory.cli import cli
-from grasp_factory.curves import curve_groups, pad_forces, phase_spans, touch_moments
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
+from grasp_factory.apps.pictures import plot
+from grasp_factory.apps.pictures.plot import look, plot_episode
+from grasp_factory.apps.pictures.plot.figure import Subject, facts, figure_of, pixels_of
+from grasp_factory.apps.pictures.plot.pictures import depth_span
+from grasp_factory.cli.main import cli
+from grasp_factory.core.enums import Label, Outcome, Phase, names
+from grasp_factory.core.episode import Episode
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, UnknownNameError, UsageError
-from grasp_factory.labels import pad_normal_force
-from grasp_factory.outcome import Label, Outcome, Phase, names
-from grasp_factory.plot import look, plot_episode
-from grasp_factory.plot.figure import Subject, facts, figure_of, pixels_of
-from grasp_factory.plot.pictures import depth_span
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.labels.rule import pad_normal_force
+from grasp_factory.signals.plot_series import curve_groups, pad_forces, phase_spans, touch_moments
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 TINY = Path(__file__).parents[1] / "data_samples/tiny.zarr"
 DATASET = Dataset.open(TINY)
@@ -363,7 +363,7 @@ class TestCommand:
 
     def test_its_help_loads_neither_matplotlib_nor_numpy(self) -> None:
         code = (
-            "import sys; from grasp_factory.cli import cli; cli(['plot', '--help'], 'x', "
+            "import sys; from grasp_factory.cli.main import cli; cli(['plot', '--help'], 'x', "
             "standalone_mode=False); print({'matplotlib', 'numpy', 'zarr'} & set(sys.modules))"
         )
         done = subprocess.run(

@@ -11,13 +11,13 @@ import pytest
 from numpy.typing import NDArray
 from tiny_models import tiny_model
 
-from grasp_factory import models
-from grasp_factory.cache import VARIABLE, digest
-from grasp_factory.camera import Intrinsics, deproject, project
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.episode import CameraImage, Grasp, SceneView
-from grasp_factory.errors import ConfigError
-from grasp_factory.geometry import (
+from grasp_factory.core.cache import VARIABLE, digest
+from grasp_factory.core.camera import Intrinsics, deproject, project
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.sections import CameraConfig, WorkspaceConfig
+from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import CameraImage, Grasp, SceneView
+from grasp_factory.core.geometry import (
     Array,
     apply,
     inverse,
@@ -26,18 +26,17 @@ from grasp_factory.geometry import (
     rotation_vector,
     transform,
 )
-from grasp_factory.gripper import Gripper
-from grasp_factory.outcome import Label
-from grasp_factory.policies import POLICIES
+from grasp_factory.core.gripper import Gripper
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.errors import ConfigError
+from grasp_factory.policies import POLICIES, model_registry
 from grasp_factory.policies.base import TIP_CLEARANCE, looking_down, target_points
 from grasp_factory.policies.closing import POINT_SIZE, Grip, close_on
-from grasp_factory.policies.solid import Columns
+from grasp_factory.policies.solid import SolidColumns
 from grasp_factory.policies.surface import Surface, outline, seen_surface
 from grasp_factory.policies.top_down import RANKED, TopDownParameters
 from grasp_factory.policies.uniform import UniformParameters
-from grasp_factory.records import to_plain
 from grasp_factory.robots import ROBOTS
-from grasp_factory.sections import CameraConfig, WorkspaceConfig
 
 SIDE = CameraConfig(eye=(0.5, 0.7, 0.5), target=(0.5, 0.0, 0.05))
 FRONT = CAMERAS["front"].config
@@ -240,7 +239,7 @@ class TestPolicy:
     def has_a_model(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv(VARIABLE, str(tmp_path_factory.mktemp("cache")))
-            models.keep(tiny_model(0))
+            model_registry.keep(tiny_model(0))
             yield
 
     @pytest.fixture
@@ -446,7 +445,7 @@ class TestWhatTheImageTells:
 
     @pytest.mark.parametrize("place", PLACES)
     def test_the_solid_has_the_bricks_centroid(self, place: tuple[float, float, float]) -> None:
-        solid = Columns.under(target_points(make_view(brick(*place))))
+        solid = SolidColumns.under(target_points(make_view(brick(*place))))
         middle = (*place[:2], BRICK[2] / 2.0)
         np.testing.assert_allclose(solid.centroid(), middle, atol=0.003)
         assert solid.points()[:, 2].min() < 0.01

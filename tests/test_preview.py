@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from grasp_factory import preview
-from grasp_factory.cli import cli
-from grasp_factory.config import FactoryConfig
+from grasp_factory.apps.pictures import preview
+from grasp_factory.apps.pictures.preview import CAPTION, MOST, TILE_WIDTH, draw_preview
+from grasp_factory.apps.pictures.tiles import GAP
+from grasp_factory.cli.main import cli
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
 from grasp_factory.errors import RecipeError, UsageError
-from grasp_factory.preview import CAPTION, MOST, TILE_WIDTH, draw_preview
-from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.tiles import GAP
 
 CONFIG = FactoryConfig(resolution=(64, 48))
 TILE = (round(TILE_WIDTH * 48 / 64) + CAPTION, TILE_WIDTH)

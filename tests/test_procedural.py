@@ -11,17 +11,17 @@ import numpy as np
 import pybullet
 import pytest
 
-from grasp_factory.camera import Camera, Intrinsics, Light, deproject, zbuffer_to_depth
+from grasp_factory.core.camera import Camera, Intrinsics, Light, deproject, zbuffer_to_depth
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.geometry import IDENTITY, Array, Pose, apply, inverse, look_at
 from grasp_factory.errors import UnknownNameError
-from grasp_factory.geometry import IDENTITY, Array, Pose, apply, inverse, look_at
 from grasp_factory.objects import Compound, ObjectModel, Part, visual_parts
 from grasp_factory.objects.base import PRIMITIVES
 from grasp_factory.objects.make_unit_meshes import unit_meshes
 from grasp_factory.objects.obj_file import triangles
 from grasp_factory.objects.procedural import FAMILIES, PROCEDURAL, generator
 from grasp_factory.objects.unit_meshes import ASSETS, mesh_file
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.world import World
+from grasp_factory.simulation.world import World
 
 MESHES = unit_meshes()
 SETTLE_S = 3.0
@@ -357,11 +357,11 @@ def surface_gaps(world: World, body: int, direction: Array) -> Array:
 MEMORY_CODE = """
 import os
 import numpy as np
-from grasp_factory.camera import Camera, Intrinsics, Light
-from grasp_factory.geometry import IDENTITY, look_at
+from grasp_factory.core.camera import Camera, Intrinsics, Light
+from grasp_factory.core.geometry import IDENTITY, look_at
 from grasp_factory.objects import OBJECT_SETS
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.world import World
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.simulation.world import World
 
 def memory():
     pages = int(open("/proc/self/statm").read().split()[1])

@@ -17,14 +17,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scenes import SMALL, cube_spec, default_episodes
 
-from grasp_factory import schema
-from grasp_factory.balance import acceleration, force_residual
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
+from grasp_factory.cli.store_report import store_text
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Label, Phase
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.schema import MAX_CONTACTS
+from grasp_factory.curation.replay import replay
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import ConfigError, RecipeError
-from grasp_factory.factory import generate
-from grasp_factory.inspection import (
+from grasp_factory.factory.generate import generate
+from grasp_factory.labels.force_balance import acceleration, force_residual
+from grasp_factory.labels.image_metrics import (
     CLIPPED,
     Inspection,
     depth_holes,
@@ -34,8 +39,7 @@ from grasp_factory.inspection import (
     longest_gap,
     sharpness,
 )
-from grasp_factory.outcome import Label, Phase
-from grasp_factory.quality import (
+from grasp_factory.labels.quality import (
     BEST,
     CRITERIA,
     MEASURED,
@@ -44,13 +48,9 @@ from grasp_factory.quality import (
     quality_scores,
     shortcomings,
 )
-from grasp_factory.replay import replay
-from grasp_factory.report import store_text
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.schema import MAX_CONTACTS
-from grasp_factory.summary import summarise
-from grasp_factory.world import World
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 USUAL = QualityConfig()
 GROUPS = tuple(dict.fromkeys(criterion.group for criterion in CRITERIA))

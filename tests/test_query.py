@@ -15,23 +15,23 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from grasp_factory.annotations import Annotation
-from grasp_factory.errors import UnknownNameError, UsageError
-from grasp_factory.index import (
+from grasp_factory.dataset.annotations import Annotation
+from grasp_factory.dataset.index import (
     COLUMNS,
     OPERATORS,
-    Column,
     Condition,
     Index,
+    IndexColumn,
     NumberBins,
     Query,
     Sort,
     WordBars,
 )
-from grasp_factory.index.building import add_blocks, add_store, set_annotation
-from grasp_factory.index.choosing import FEW
-from grasp_factory.index.columns import OF_ROWS, OF_STORES
-from grasp_factory.index.database import built_aside, row_id
+from grasp_factory.dataset.index.building import add_blocks, add_store, set_annotation
+from grasp_factory.dataset.index.choosing import FEW
+from grasp_factory.dataset.index.columns import OF_ROWS, OF_STORES
+from grasp_factory.dataset.index.database import built_aside, row_id
+from grasp_factory.errors import UnknownNameError, UsageError
 
 BY_NAME = {column.name: column for column in COLUMNS}
 Row = dict[str, Any]
@@ -82,7 +82,7 @@ STORES: list[dict[str, str]] = [
 ]
 
 
-def values_of(column: Column) -> st.SearchStrategy[Any]:
+def values_of(column: IndexColumn) -> st.SearchStrategy[Any]:
     if column.words:
         return st.sampled_from(column.words)
     return OF_KIND[column.kind]

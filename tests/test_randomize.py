@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import EpisodeSpec
+from grasp_factory.core.appearance import Surroundings
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS, RandomizeConfig
+from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.core.textures import TEXTURES
 from grasp_factory.errors import ConfigError
-from grasp_factory.looks import Surroundings
-from grasp_factory.randomize import RANDOMIZE_PRESETS, RandomizeConfig
-from grasp_factory.records import to_plain
-from grasp_factory.request import resolve_request
-from grasp_factory.sampling import sample_spec
-from grasp_factory.sections import ClutterConfig
-from grasp_factory.textures import TEXTURES
+from grasp_factory.factory.run_request import resolve_request
+from grasp_factory.sampling.spec import sample_spec
 
 ALL_CAMERAS = {name: camera.config for name, camera in CAMERAS.items()}
 INDICES = st.integers(0, 10**9)

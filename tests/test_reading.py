@@ -20,16 +20,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp_factory import Range
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.splits import SPLITS
+from grasp_factory.dataset.balanced_sampling import draw_evenly
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, UnknownNameError, UsageError
-from grasp_factory.even_draws import draw_evenly
 from grasp_factory.objects import OBJECT_SETS, UrdfFile
-from grasp_factory.sampling import sample_spec
-from grasp_factory.splits import SPLITS
-from grasp_factory.world import DATA
-from grasp_factory.writers import ZarrWriter, chunks
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.world import DATA
+from grasp_factory.writers import ZarrWriter
+from grasp_factory.writers.zarr import chunks
+from grasp_factory.writers.zarr.store import prepare_store
 
 ROOT = Path(__file__).parent.parent
 SAMPLES = ROOT / "data_samples" / "tiny.zarr"
@@ -211,13 +212,13 @@ class TestBlocksOfSomeRows:
         self, path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         opened: Counter[str] = Counter()
-        read = chunks.Shard.__init__
+        read = chunks.ShardFile.__init__
 
         def note(shard: Any, file: str, count: int) -> None:
             opened[file] += 1
             read(shard, file, count)
 
-        monkeypatch.setattr(chunks.Shard, "__init__", note)
+        monkeypatch.setattr(chunks.ShardFile, "__init__", note)
         dataset = Dataset.open(path)
         for take in (
             lambda: dataset[7:11],

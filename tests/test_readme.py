@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scenes import cube_spec, take_images
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.scene import build_scene, observe
-from grasp_factory.world import World
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.simulation.scene import build_scene, observe
+from grasp_factory.simulation.world import World
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"

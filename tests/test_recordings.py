@@ -16,22 +16,22 @@ from helpers import tree
 from scenes import cube_spec
 from stored import TINY, varied, with_a_quarantined_row
 
-from grasp_factory.curves import curve_groups, phase_spans
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
+from grasp_factory.apps.rerun import RRD, default_file, sdk
+from grasp_factory.core.enums import label_names
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.geometry import Array, pose_matrices
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError, UsageError
-from grasp_factory.geometry import Array, pose_matrices
-from grasp_factory.outcome import label_names
-from grasp_factory.recordings import RRD, default_file, sdk
 from grasp_factory.robots import ROBOTS
-from grasp_factory.rollout import run_episode
-from grasp_factory.world import World
+from grasp_factory.signals.plot_series import curve_groups, phase_spans
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 rr = pytest.importorskip("rerun")
 
-from grasp_factory.recordings import recording  # noqa: E402
-from grasp_factory.recordings.urdf import seen_urdf  # noqa: E402
-from grasp_factory.recordings.words import episode_text  # noqa: E402
+from grasp_factory.apps.rerun import recording  # noqa: E402
+from grasp_factory.apps.rerun.robot_urdf import seen_urdf  # noqa: E402
+from grasp_factory.apps.rerun.words import episode_text  # noqa: E402
 
 Run = Callable[..., tuple[int, str, str]]
 Rows = list[tuple[float | None, dict[str, Any]]]
@@ -236,7 +236,7 @@ class TestARecording:
 def test_a_cloud_of_very_many_points_is_thinned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp_factory.recordings.cameras.MOST_POINTS", 100)
+    monkeypatch.setattr("grasp_factory.apps.rerun.cameras.MOST_POINTS", 100)
     _, read = written(TINY, 1, tmp_path)
     _, points = read.series("/world/cloud", "Points3D:positions")
     cloud = Dataset.open(TINY).point_cloud(1)
@@ -371,7 +371,7 @@ class TestCommand:
     ) -> None:
         opened: list[Path] = []
         monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr("grasp_factory.recordings.open_viewer", opened.append)
+        monkeypatch.setattr("grasp_factory.apps.rerun.open_viewer", opened.append)
         assert run("rerun", TINY, 1, "--open") == (0, "tiny-1.rrd\n", "")
         assert opened == [Path("tiny-1.rrd")]
 

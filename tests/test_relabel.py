@@ -11,14 +11,14 @@ import pytest
 from helpers import tree
 from scenes import default_episodes
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.curation.relabel import relabel
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UnknownNameError, UsageError
-from grasp_factory.outcome import Outcome
-from grasp_factory.relabel import relabel
 from grasp_factory.robots import ROBOTS
-from grasp_factory.sections import LabelConfig
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 EPISODES = 20
 

@@ -14,10 +14,20 @@ from fake_episodes import small_config
 from scenes import SMALL, cube_spec, take_images
 from worlds import world_of
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import CameraImage, EpisodeSpec
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.randomization import (
+    BodyRange,
+    ColorRange,
+    LooksConfig,
+    RandomizeConfig,
+)
+from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import CameraImage, EpisodeSpec
+from grasp_factory.core.renderer import Renderer
+from grasp_factory.curation.replay import replay
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import (
     ConfigError,
     GraspFactoryError,
@@ -25,21 +35,16 @@ from grasp_factory.errors import (
     StoreMismatchError,
     UsageError,
 )
-from grasp_factory.factory import generate
+from grasp_factory.factory.generate import generate
+from grasp_factory.factory.run_request import resolve_request
 from grasp_factory.objects import OBJECT_SETS
-from grasp_factory.outcome import Label
-from grasp_factory.randomize import BodyRange, ColorRange, LooksConfig, RandomizeConfig
-from grasp_factory.renderer import Renderer
-from grasp_factory.replay import replay
-from grasp_factory.request import resolve_request
 from grasp_factory.robots import ROBOTS
-from grasp_factory.sampling import sample_spec
-from grasp_factory.scene import build_scene, look, settle, take_shots
-from grasp_factory.sections import ClutterConfig
-from grasp_factory.world import World
-from grasp_factory.world.connection import check_renderer
-from grasp_factory.writers.header import read_attributes
-from grasp_factory.writers.store import check_place, prepare_store
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.scene import build_scene, render_cameras, settle, take_shots
+from grasp_factory.simulation.world import World
+from grasp_factory.simulation.world.connection import check_renderer
+from grasp_factory.writers.zarr.header import read_attributes
+from grasp_factory.writers.zarr.store import check_place, prepare_store
 
 EGL = {"renderer": "egl"}
 CROWD = dataclasses.replace(
@@ -231,11 +236,11 @@ class TestOpenGL:
     @pytest.mark.parametrize("robot", ROBOTS)
     def test_hiding_and_showing_leaves_no_trace(self, egl: World, robot: str) -> None:
         scene = build_scene(egl, crowd(2, robot))
-        before = look(scene)
+        before = render_cameras(scene)
         bodies = (scene.robot.body, *scene.objects)
         for body, looks in {body: egl.hide(body) for body in bodies}.items():
             egl.show(body, looks)
-        for name, (_, after) in look(scene).items():
+        for name, (_, after) in render_cameras(scene).items():
             for kind in ("rgb", "zbuffer", "mask"):
                 assert np.array_equal(getattr(before[name][1], kind), getattr(after, kind))
 

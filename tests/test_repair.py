@@ -37,9 +37,15 @@ from hypothesis import strategies as st
 from stored import old_store
 from test_isolation import SABOTAGE
 
-from grasp_factory.collecting import split
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.os_errors import GO_ON
+from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.curation.merge import split
+from grasp_factory.curation.repair import rebuild, repair
+from grasp_factory.curation.verify import verify
+from grasp_factory.curation.verify.partial_store import open_pieces
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import (
     GraspFactoryError,
     StoreBusyError,
@@ -47,17 +53,12 @@ from grasp_factory.errors import (
     StoreMismatchError,
     UsageError,
 )
-from grasp_factory.factory import generate
-from grasp_factory.platforms import FINGERPRINT
-from grasp_factory.rollout import run_episode
-from grasp_factory.summary import summarise
-from grasp_factory.trouble import GO_ON
-from grasp_factory.verifying import mending, repair, verify
-from grasp_factory.verifying.pieces import open_pieces
-from grasp_factory.writers import packing
+from grasp_factory.factory.generate import generate
+from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.lock import StoreLock
-from grasp_factory.writers.seals import set_rows
+from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr.lock import StoreLock
+from grasp_factory.writers.zarr.metadata_checksum import set_rows
 
 PACKED = "packed/0-1.npz"
 
@@ -75,7 +76,7 @@ def copy(store: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def small_segments(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
+    monkeypatch.setattr(segment_packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
 
 
 def no_simulation(*_: Any) -> Any:
@@ -126,7 +127,7 @@ def test_damage_is_found_and_mended_to_the_same_bytes(store: Path, copy: Path, w
     assert result.is_whole
     assert all(made.is_same is not False for made in result.remade)
     if what == "a segment that is deleted":  # which is no damage
-        packing.pack(copy)
+        segment_packing.pack(copy)
     else:
         assert result.before.problems
         assert result.mended or result.remade
@@ -147,7 +148,7 @@ def test_everything_at_once_is_mended(store: Path, copy: Path) -> None:
 def test_a_whole_store_is_not_touched(
     store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)
+    monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", no_simulation)
     times = {file: file.stat().st_mtime_ns for file in copy.rglob("*")}
     result = repair(copy)
     assert result.is_whole
@@ -158,7 +159,7 @@ def test_a_whole_store_is_not_touched(
 def test_episodes_that_are_whole_are_not_simulated(
     store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)
+    monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", no_simulation)
     for name in ("episodes/status/0", "episodes/checksum/1", "episodes/array_crc32c/2.0"):
         delete(name)(copy)
     assert repair(copy).is_whole
@@ -215,7 +216,7 @@ class TestTheNumberOfRows:
     def test_is_told_by_the_blocks_where_all_metadata_is_lost(
         self, store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)
+        monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", no_simulation)
         for file in documents(copy):
             file.unlink()
         assert verify(copy).episodes == N
@@ -226,7 +227,7 @@ class TestTheNumberOfRows:
     def test_is_never_below_what_the_blocks_hold(
         self, store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, rows: int
     ) -> None:
-        monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)
+        monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", no_simulation)
         for file in documents(copy):
             if "shape" in json.loads(file.read_bytes()):
                 set_rows(file, rows)
@@ -276,8 +277,12 @@ def test_rows_beside_a_broken_quarantine_are_kept(
     store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, *, is_marked: bool
 ) -> None:
     row, block = quarantined(store)
-    monkeypatch.setattr("grasp_factory.blocks.run_episode", no_simulation)  # not here: in a worker
-    monkeypatch.setattr(sys.modules["grasp_factory.verifying.repair"], "generate", no_simulation)
+    monkeypatch.setattr(
+        "grasp_factory.factory.block_job.run_episode", no_simulation
+    )  # not here: in a worker
+    monkeypatch.setattr(
+        sys.modules["grasp_factory.curation.repair.repair"], "generate", no_simulation
+    )
     zarr.open_array(copy / "episodes/error", mode="r+")[row] = "another"
     if not is_marked:
         for name in ("status", "checksum"):
@@ -326,7 +331,7 @@ def test_a_full_disk_is_said_with_what_stays(
     def full(*_: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("grasp_factory.verifying.template.Template.give_files", full)
+    monkeypatch.setattr("grasp_factory.curation.repair.template.Template.give_files", full)
     delete("episodes/status/0")(copy)
     before = tree(copy)
     code, _, err = run("repair", copy, "--workers", 1)
@@ -371,7 +376,7 @@ def test_metadata_is_not_made_again_by_a_version_that_writes_it_otherwise(
 ) -> None:
     cut("streams/phase/zarr.json")(copy)
     before = tree(copy)
-    monkeypatch.setattr("grasp_factory.writers.layout.ZSTD_LEVEL", 9)
+    monkeypatch.setattr("grasp_factory.writers.zarr.layout.ZSTD_LEVEL", 9)
     result = repair(copy)
     assert not result.is_whole
     assert "is not as this version writes it" in result.failed[0]
@@ -385,7 +390,7 @@ def test_it_is_said_when_an_episode_comes_out_otherwise(
         episode = run_episode(*args)
         return dataclasses.replace(episode, columns={**episode.columns, "grasp_score": 12.5})
 
-    monkeypatch.setattr("grasp_factory.blocks.run_episode", other)
+    monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", other)
     delete("streams/phase/2.0")(copy)
     result = repair(copy)
     assert result.is_whole
@@ -487,7 +492,7 @@ def files_of(store: Path) -> set[str]:
 
 KILLED = """
 import sys
-from grasp_factory.verifying import repair
+from grasp_factory.curation.repair import repair
 repair(sys.argv[1])
 """
 
@@ -514,7 +519,9 @@ def test_a_repair_that_is_killed_loses_nothing_and_can_be_run_again(
         assert damaged <= left  # no file is gone, and each of them is what it was
         assert all((copy / file).read_bytes() == (store / file).read_bytes() for file in left)
         assert repair(copy).is_whole
-        packing.pack(copy)  # as many blocks to a segment as here, which the command does not do
+        segment_packing.pack(
+            copy
+        )  # as many blocks to a segment as here, which the command does not do
         assert_same_tree(store, copy)
         assert list(tmp_path.glob(f".*store{number}*")) == []
     assert killed_at_work > 2
@@ -728,7 +735,7 @@ class TestOnAnotherPlatform:
     def test_blocks_that_are_gone_are_left_unless_that_is_accepted(
         self, copy: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        for file in mending.files_of(copy, open_pieces(copy)[0], 1):
+        for file in rebuild.files_of(copy, open_pieces(copy)[0], 1):
             file.unlink(missing_ok=True)
         move(monkeypatch)
         (line,) = repair(copy).failed
@@ -770,7 +777,7 @@ class TestAFingerprintThatIsLost:
         shutil.rmtree(copy / "packed")
         set_texts(copy, {1: ""})
         monkeypatch.setattr(
-            mending.BlockMaker, "make_row", lambda self, spec, lost: Quarantined(spec, "elsewhere")
+            rebuild.BlockMaker, "make_row", lambda self, spec, lost: Quarantined(spec, "elsewhere")
         )
         found = tree(copy)
         result = repair(copy, 1)

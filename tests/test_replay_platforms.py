@@ -14,15 +14,15 @@ from elsewhere import HERE, THERE, made_there, move, set_attributes, set_texts
 from platform_processes import WITHOUT_FMA, command, needs_fma
 from stored import old_store
 
-from grasp_factory import replay as replaying
-from grasp_factory.collecting import split
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
-from grasp_factory.factory import generate
-from grasp_factory.platforms import FINGERPRINT
-from grasp_factory.replay import replay
-from grasp_factory.report import replay_text
+from grasp_factory.cli.curation_report import replay_text
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.curation import replay as replaying
+from grasp_factory.curation.merge import split
+from grasp_factory.curation.replay import replay
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.factory.generate import generate
 
 N = 3
 CONFIG = FactoryConfig(resolution=(32, 24), block_size=4)

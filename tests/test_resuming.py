@@ -16,16 +16,16 @@ from helpers import assert_same_tree, tree
 from platform_processes import WITHOUT_FMA, command, needs_fma
 from stored import old_store
 
-from grasp_factory import blocks
-from grasp_factory.collecting import merge
-from grasp_factory.dataset import Dataset
-from grasp_factory.dryrun import forecast
-from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of
+from grasp_factory.curation.merge import merge
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, RecipeError, StoreError, StoreMismatchError
-from grasp_factory.factory import generate
-from grasp_factory.platforms import FINGERPRINT, fingerprint_of
-from grasp_factory.request import Request, Shard
-from grasp_factory.world import World
+from grasp_factory.factory import block_job
+from grasp_factory.factory.dry_run import forecast
+from grasp_factory.factory.generate import generate
+from grasp_factory.factory.run_request import Request, Shard
+from grasp_factory.simulation.world import World
 
 CONFIG = small_config()  # blocks of 4
 REFUSED = (
@@ -43,7 +43,7 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 
 @pytest.fixture(autouse=True)
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "run_episode", pretend)
+    monkeypatch.setattr(block_job, "run_episode", pretend)
 
 
 @pytest.fixture
@@ -176,7 +176,7 @@ class TestAStoreOfAVersionWithoutFingerprints:
         config = Dataset.open(store).config
         sample = Dataset.open(store)[0]
         monkeypatch.setattr(
-            blocks, "run_episode", lambda world, spec: dataclasses.replace(sample, spec=spec)
+            block_job, "run_episode", lambda world, spec: dataclasses.replace(sample, spec=spec)
         )
         before = tree(store)
         with pytest.raises(StoreMismatchError, match="by a version without fingerprints; go on"):

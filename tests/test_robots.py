@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from grasp_factory.geometry import Pose, inverse
-from grasp_factory.ik import solve_ik
-from grasp_factory.robots import ROBOTS, Robot, arm_chain
-from grasp_factory.robots.make_link_hulls import HULLS, LINKS, MESHES, hull_text
-from grasp_factory.stepping import PhysicsConfig, Stepping
-from grasp_factory.world import World
+from grasp_factory.core.config.physics import PhysicsConfig, Stepping
+from grasp_factory.core.geometry import Pose, inverse
+from grasp_factory.robots import ROBOTS, arm_chain
+from grasp_factory.robots.ik import solve_ik
+from grasp_factory.simulation.make_link_hulls import HULLS, LINKS, MESHES, hull_text
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.world import World
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -140,7 +141,7 @@ class TestRobot:
                 pybullet.removeBody(probe, physicsClientId=world._client)
 
     def test_every_place_of_the_workspace_can_be_reached_from_above(self, name):
-        from grasp_factory.sections import WorkspaceConfig
+        from grasp_factory.core.config.sections import WorkspaceConfig
 
         model, box = ROBOTS[name], WorkspaceConfig()
         chain = arm_chain(model)

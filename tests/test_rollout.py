@@ -12,18 +12,18 @@ import pybullet
 import pytest
 from scenes import SMALL, cube_spec, default_episodes
 
-from grasp_factory import rollout
-from grasp_factory.episode import EpisodeSpec, Grasp, GraspPlan
+from grasp_factory.core.config.sections import CameraConfig
+from grasp_factory.core.enums import Label, Outcome, Phase
+from grasp_factory.core.episode import EpisodeSpec, Grasp, GraspPlan
 from grasp_factory.errors import RecipeError
-from grasp_factory.labels import judge, measure, target_com, touching
-from grasp_factory.outcome import Label, Outcome, Phase
+from grasp_factory.labels.rule import judge, measure, target_com, touching
 from grasp_factory.policies.base import Policy, looking_down
 from grasp_factory.policies.top_down import TopDownParameters
 from grasp_factory.robots import ROBOTS
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.sections import CameraConfig
-from grasp_factory.world import World
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation import rollout
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +47,9 @@ class TestDeterminism:
     FRESH = """
 import sys
 from pathlib import Path
-from grasp_factory.episode import EpisodeSpec
-from grasp_factory.rollout import run_episode
-from grasp_factory.world import World
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 with World() as world:
     print(run_episode(world, EpisodeSpec.from_json(sys.stdin.read())).checksum())
 """
@@ -234,7 +234,7 @@ class TestOutcomes:
         assert episode.n_steps == 0
 
     def test_a_file_that_cannot_be_loaded_is_a_recipe_error(self, world, monkeypatch):
-        monkeypatch.setattr("grasp_factory.scene.DATA", Path("/nowhere"))
+        monkeypatch.setattr("grasp_factory.simulation.scene.DATA", Path("/nowhere"))
         with pytest.raises(RecipeError, match="cannot be loaded"):
             run_episode(world, cube_spec())
 

@@ -16,7 +16,7 @@ from processor_runs import CASES
 from same_bytes import ALLOWED, PACKAGE, findings, path_modules
 from tiny_models import tiny_model
 
-from grasp_factory.cache import VARIABLE
+from grasp_factory.core.cache import VARIABLE
 
 HERE = Path(__file__).parent
 ASKED = ("default:4", "strong:2", "panda:2", "video:1", "wrist:1", "mixture:4")

@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory import sampling
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import EpisodeSpec
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
+from grasp_factory.core.config.sections import ClutterConfig, WorkspaceConfig
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.core.geometry import apply
+from grasp_factory.core.splits import SPLITS, split_of
 from grasp_factory.errors import ConfigError, RecipeError, UnknownNameError
-from grasp_factory.factory import check_names
-from grasp_factory.geometry import apply
+from grasp_factory.factory.name_check import check_names
 from grasp_factory.objects import OBJECT_SETS, ObjectModel, draw_of
-from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.sampling import Stream, rng_for, sample_spec
-from grasp_factory.sections import ClutterConfig, WorkspaceConfig
-from grasp_factory.splits import SPLITS, split_of
+from grasp_factory.sampling import spec as sampling
+from grasp_factory.sampling.spec import Stream, rng_for, sample_spec
 
 CONFIG = FactoryConfig(seed=7)
 SEEDS = st.integers(0, 2**63 - 1)

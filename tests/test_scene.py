@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scenes import SMALL, cube_spec, take_images
 
+from grasp_factory.core.enums import Label, Outcome
+from grasp_factory.core.geometry import Pose
 from grasp_factory.errors import UnknownNameError
-from grasp_factory.geometry import Pose
-from grasp_factory.outcome import Label, Outcome
 from grasp_factory.robots import ROBOTS
-from grasp_factory.sampling import sample_spec
-from grasp_factory.scene import build_scene, observe, settle
-from grasp_factory.world import World
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.scene import build_scene, observe, settle
+from grasp_factory.simulation.world import World
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,13 @@ import re
 import numpy as np
 import pytest
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import CameraFrames
-from grasp_factory.labels import Measurements
-from grasp_factory.outcome import Label, Outcome, Phase, names
-from grasp_factory.schema import FIELDS, Field, expand, markdown_table, shape, sizes
-from grasp_factory.sections import CameraConfig, ClutterConfig
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sections import CameraConfig, ClutterConfig
+from grasp_factory.core.enums import Label, Outcome, Phase, names
+from grasp_factory.core.episode import CameraFrames
+from grasp_factory.core.schema import FIELDS, Field, expand, markdown_table, shape, sizes
+from grasp_factory.labels.rule import Measurements
 
 CAMERAS = {
     "front": CameraConfig(eye=(1.1, 0.0, 0.6), target=(0.5, 0.0, 0.1)),

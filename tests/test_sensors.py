@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scenes import SMALL, cube_spec, default_episodes
 
-from grasp_factory import schema
-from grasp_factory.geometry import Pose, apply, quat_xyzw_to_matrix
-from grasp_factory.outcome import Label, Phase
+from grasp_factory.core import schema
+from grasp_factory.core.enums import Label, Phase
+from grasp_factory.core.geometry import Pose, apply, quat_xyzw_to_matrix
 from grasp_factory.robots import ROBOTS
-from grasp_factory.rollout import run_episode
-from grasp_factory.scene import build_scene
-from grasp_factory.sensors import SENSORS, Tick, object_frame
-from grasp_factory.sensors.tactile import TactilePads
-from grasp_factory.world import World
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.scene import build_scene
+from grasp_factory.simulation.sensors import SENSORS, Tick, object_frame
+from grasp_factory.simulation.sensors.tactile import TactilePads
+from grasp_factory.simulation.world import World
 
 FIELDS = {row.path.split("/")[1]: row for row in schema.FIELDS if row.path.startswith("streams/")}
 ROBOT, CUBE = 2, 3

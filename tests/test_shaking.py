@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scenes import SMALL, cube_spec
 
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.config.sections import LabelConfig, MotionConfig, ShakeConfig
+from grasp_factory.core.enums import Outcome, Phase
 from grasp_factory.errors import ConfigError
-from grasp_factory.outcome import Outcome, Phase
 from grasp_factory.robots import ROBOTS, arm_chain
-from grasp_factory.rollout import run_episode
-from grasp_factory.sections import LabelConfig, MotionConfig, ShakeConfig
-from grasp_factory.shaking import STANDARD_GRAVITY, plan_shake
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.world import World
+from grasp_factory.robots.shake import STANDARD_GRAVITY, plan_shake
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 RATES = (960, 120)
 

@@ -17,12 +17,12 @@ from helpers import assert_same_tree
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory import blocks
-from grasp_factory.dataset import Dataset
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreBusyError
-from grasp_factory.factory import Plan, generate
-from grasp_factory.request import Request, Shard
-from grasp_factory.writers.lock import ShardLock, StoreLock
+from grasp_factory.factory import block_job
+from grasp_factory.factory.generate import RunPlan, generate
+from grasp_factory.factory.run_request import Request, Shard
+from grasp_factory.writers.zarr.lock import ShardLock, StoreLock
 
 CONFIG = small_config()  # blocks of 4
 
@@ -34,7 +34,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     def pretend(world: Any, spec: Any) -> Any:
         return dataclasses.replace(make_episode(CONFIG, spec.index), spec=spec)
 
-    monkeypatch.setattr(blocks, "run_episode", pretend)
+    monkeypatch.setattr(block_job, "run_episode", pretend)
 
 
 @given(st.integers(1, 60), st.integers(0, 400))
@@ -56,7 +56,7 @@ def test_a_part_that_is_none_is_refused(text: str) -> None:
 @given(st.integers(1, 50), st.integers(1, 9))
 def test_the_parts_of_a_request_are_disjoint_and_are_all(n: int, count: int) -> None:
     parts = [
-        blocks.rows_of(Request(config=CONFIG, n=n, shard=Shard(i, count))) for i in range(count)
+        block_job.rows_of(Request(config=CONFIG, n=n, shard=Shard(i, count))) for i in range(count)
     ]
     assert sorted(row for part in parts for row in part.tolist()) == list(range(n))
 
@@ -101,7 +101,7 @@ class TestParts:
         assert {path.name for path in tmp_path.iterdir()} == {"out", "out.runs.jsonl"}
 
     def test_a_run_says_which_part_it_makes(self, tmp_path: Path) -> None:
-        plans: list[Plan] = []
+        plans: list[RunPlan] = []
         generate(CONFIG, 10, tmp_path / "out", 1, shard=Shard(1, 2), on_start=plans.append)
         assert (plans[0].blocks, plans[0].to_make) == ((1,), 4)
 

@@ -13,16 +13,22 @@ from click.testing import CliRunner, Result
 from fake_episodes import JOINTS, make_episode, make_rows, small_config
 from helpers import tree
 
-from grasp_factory import painting, sheet, tiles
-from grasp_factory.cli import cli
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
+from grasp_factory.apps.pictures import painting, sheet, tiles
+from grasp_factory.apps.pictures.sheet import (
+    choose_episodes,
+    chosen,
+    draw_sheet,
+    sheet_of,
+    write_png,
+)
+from grasp_factory.cli.main import cli
+from grasp_factory.core.enums import Label, Outcome
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.geometry import apply, inverse
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, UnknownNameError, UsageError
-from grasp_factory.geometry import apply, inverse
-from grasp_factory.outcome import Label, Outcome
-from grasp_factory.sheet import choose_episodes, chosen, draw_sheet, sheet_of, write_png
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 CONFIG = small_config()
 PANEL_HEIGHT = 240  # of 32x24 images, 320 wide
@@ -95,7 +101,7 @@ def test_depth_runs_from_red_near_to_blue_far_and_nothing_is_dark() -> None:
     ("outcome", "color"), [(Outcome.SUCCESS, painting.GREEN), (Outcome.COLLISION, painting.RED)]
 )
 def test_the_badge_is_green_for_success_and_red_for_anything_else(
-    outcome: Outcome, color: painting.Color
+    outcome: Outcome, color: painting.BgrColor
 ) -> None:
     strip = draw_sheet([episode(outcome)], "front")[sheet.HEADER : sheet.HEADER + sheet.CAPTION]
     assert (strip == color).all(axis=2).sum() > 500

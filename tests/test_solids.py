@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import (
+from grasp_factory.core.geometry import (
     IDENTITY,
     Array,
     Pose,

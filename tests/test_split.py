@@ -18,13 +18,13 @@ from helpers import assert_same_tree, tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp_factory.collecting import merge, split
-from grasp_factory.dataset import Dataset
+from grasp_factory.curation.merge import merge, split
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreBusyError, StoreError, StoreMismatchError, UsageError
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.header import root_attributes
-from grasp_factory.writers.lock import StoreLock
-from grasp_factory.writers.store import create_store
+from grasp_factory.writers.zarr.header import root_attributes
+from grasp_factory.writers.zarr.lock import StoreLock
+from grasp_factory.writers.zarr.store import create_store
 
 COMMAND = [sys.executable, "-m", "grasp_factory"]
 CONFIG = small_config(resolution=[16, 16])

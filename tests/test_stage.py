@@ -7,21 +7,22 @@ import numpy as np
 import pytest
 from scenes import SMALL, cube_spec, take_images
 
-from grasp_factory import stage
-from grasp_factory.camera import Light, deproject, project
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.episode import EpisodeSpec
-from grasp_factory.geometry import IDENTITY, Pose, apply, inverse
-from grasp_factory.looks import SurfaceLook, Surroundings
-from grasp_factory.outcome import Label
-from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.robots import ROBOTS, Robot
-from grasp_factory.sampling import sample_spec
-from grasp_factory.scene import build_scene, look, settle, take_shots
-from grasp_factory.sections import ClutterConfig
-from grasp_factory.sensors import render
-from grasp_factory.world import World
-from grasp_factory.world.foot import foot_of
+from grasp_factory.core.appearance import SurfaceAppearance, Surroundings
+from grasp_factory.core.camera import Light, deproject, project
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
+from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.core.geometry import IDENTITY, Pose, apply, inverse
+from grasp_factory.robots import ROBOTS
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation import static_scene
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.scene import build_scene, render_cameras, settle, take_shots
+from grasp_factory.simulation.sensors import render
+from grasp_factory.simulation.world import World
+from grasp_factory.simulation.world.foot import foot_of
 
 ALL_CAMERAS = {name: camera.config for name, camera in CAMERAS.items()}
 CROWD = dataclasses.replace(
@@ -46,9 +47,9 @@ class TestBackgrounds:
     def test_images_are_the_same_whether_the_background_was_there_already(
         self, world: World
     ) -> None:
-        stage._backgrounds.clear()
-        first = look(build_scene(world, crowd(0)))
-        again = look(build_scene(world, crowd(0)))
+        static_scene._backgrounds.clear()
+        first = render_cameras(build_scene(world, crowd(0)))
+        again = render_cameras(build_scene(world, crowd(0)))
         for name, (_, image) in first.items():
             assert np.array_equal(image.rgb, again[name][1].rgb)
             assert np.array_equal(image.zbuffer, again[name][1].zbuffer)
@@ -56,24 +57,24 @@ class TestBackgrounds:
     def test_there_are_never_more_than_memory_allows_and_the_one_used_last_stays(
         self, world: World, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        stage._backgrounds.clear()
+        static_scene._backgrounds.clear()
         build_scene(world, crowd(0))
-        size = sum(render.nbytes for render in stage._backgrounds.values())
-        monkeypatch.setattr(stage, "MAX_BACKGROUND_BYTES", 3 * size)
-        kept = set(stage._backgrounds)
+        size = sum(render.nbytes for render in static_scene._backgrounds.values())
+        monkeypatch.setattr(static_scene, "MAX_BACKGROUND_BYTES", 3 * size)
+        kept = set(static_scene._backgrounds)
         for index in range(1, 5):
             build_scene(world, crowd(index))
             build_scene(world, crowd(0))
-            assert kept <= set(stage._backgrounds)
-        assert len(stage._backgrounds) == 6
+            assert kept <= set(static_scene._backgrounds)
+        assert len(static_scene._backgrounds) == 6
 
     def test_small_ones_are_not_kept_without_end_either(
         self, world: World, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(stage, "MAX_BACKGROUNDS", 4)
+        monkeypatch.setattr(static_scene, "MAX_BACKGROUNDS", 4)
         for index in range(5):
             build_scene(world, crowd(index))
-        assert len(stage._backgrounds) == 4
+        assert len(static_scene._backgrounds) == 4
 
     @pytest.mark.parametrize("robot", ROBOTS)
     def test_the_foot_in_them_is_the_robots_own(self, world: World, robot: str) -> None:
@@ -86,17 +87,17 @@ class TestBackgrounds:
     def test_surroundings_that_come_again_are_not_rendered_again(
         self, world: World, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        stage._backgrounds.clear()
+        static_scene._backgrounds.clear()
         build_scene(world, cube_spec())
-        monkeypatch.delattr(stage, "render")
+        monkeypatch.delattr(static_scene, "render")
         build_scene(world, cube_spec())
 
 
 class TestLooks:
     def test_table_and_floor_have_the_colors_of_the_recipe(self, world: World) -> None:
         looks = Surroundings(
-            table=SurfaceLook(color=(1.0, 0.0, 0.0)),
-            floor=SurfaceLook(color=(0.0, 0.0, 1.0)),
+            table=SurfaceAppearance(color=(1.0, 0.0, 0.0)),
+            floor=SurfaceAppearance(color=(0.0, 0.0, 1.0)),
             light=Light(ambient=1.0, diffuse=0.0, specular=0.0),
         )
         image = take_images(build_scene(world, cube_spec(surroundings=looks)))["front"]
@@ -111,7 +112,7 @@ class TestLooks:
     def test_a_texture_shows_on_table_and_object(self, world: World, texture: str) -> None:
         plain = cube_spec()
         target = dataclasses.replace(plain.objects[0], texture=texture, color=(1.0, 1.0, 1.0))
-        looks = Surroundings(table=SurfaceLook(color=(1.0, 1.0, 1.0), texture=texture))
+        looks = Surroundings(table=SurfaceAppearance(color=(1.0, 1.0, 1.0), texture=texture))
         textured = dataclasses.replace(plain, objects=(target,), surroundings=looks)
         for label in (Label.TABLE, Label.TARGET):
             spread = []
@@ -172,7 +173,7 @@ class TestVisibility:
             settle(scene)
             shots = take_shots(scene)
             bodies = (scene.robot.body, *scene.objects)
-            for name, (camera, whole) in look(scene).items():
+            for name, (camera, whole) in render_cameras(scene).items():
                 hidden = {body: world.hide(body) for body in bodies}
                 expected = []
                 for body in scene.objects:
@@ -204,10 +205,10 @@ class TestVisibility:
 
     def test_hiding_and_showing_leaves_no_trace(self, world: World) -> None:
         scene = build_scene(world, crowd(2))
-        before = look(scene)["front"][1]
+        before = render_cameras(scene)["front"][1]
         for body in (scene.robot.body, *scene.objects):
             world.show(body, world.hide(body))
-        after = look(build_scene(world, crowd(2)))["front"][1]
-        again = look(scene)["front"][1]
+        after = render_cameras(build_scene(world, crowd(2)))["front"][1]
+        again = render_cameras(scene)["front"][1]
         assert np.array_equal(before.rgb, after.rgb)
-        assert np.abs(before.rgb.astype(int) - again.rgb).max() <= 1  # see stage._background
+        assert np.abs(before.rgb.astype(int) - again.rgb).max() <= 1  # see static_scene._background

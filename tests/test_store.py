@@ -19,13 +19,14 @@ import zarr
 from fake_episodes import JOINTS, make_rows, small_config
 from helpers import assert_same_tree, pending_blocks, tree
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StaleLockWarning, StoreBusyError, StoreError, StoreMismatchError
-from grasp_factory.writers import ZarrWriter, store
-from grasp_factory.writers.lock import StoreLock
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers import ZarrWriter
+from grasp_factory.writers.zarr import store
+from grasp_factory.writers.zarr.lock import StoreLock
+from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config()
 
@@ -421,7 +422,7 @@ def test_a_full_disk_is_no_fault_of_the_path(
 HOLDER = """
 import sys
 from pathlib import Path
-from grasp_factory.writers.lock import StoreLock
+from grasp_factory.writers.zarr.lock import StoreLock
 with StoreLock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -14,11 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numcodecs import zstd
 
-from grasp_factory import schema
+from grasp_factory.core import schema
 from grasp_factory.errors import StoreError
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.stored import ColumnFiles, ShardFiles, StoredArray, ThroughZarr, stored
+from grasp_factory.writers.zarr.array_reader import (
+    ColumnFiles,
+    ShardFiles,
+    StoredArray,
+    ThroughZarr,
+    stored,
+)
+from grasp_factory.writers.zarr.store import prepare_store
 
 VIEW = {"eye": [1.0, 0.0, 0.5], "target": [0.5, 0.0, 0.0]}
 CONFIG = small_config(cameras={"left": VIEW, "right": VIEW}, video_hz=5, resolution=(16, 16))

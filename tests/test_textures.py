@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from grasp_factory.core.textures import SIDE, TEXTURES, texture_image
 from grasp_factory.errors import UnknownNameError
-from grasp_factory.textures import SIDE, TEXTURES, texture_image
 
 
 @pytest.mark.parametrize("texture", TEXTURES)

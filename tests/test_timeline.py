@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grasp_factory.core.geometry import Pose, quat_xyzw_to_matrix, rotation_about, rotation_vector
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Pose, quat_xyzw_to_matrix, rotation_about, rotation_vector
 from grasp_factory.signals import approximate_time, interpolate_poses, linear, nearest, slerp
 
 ROOT = Path(__file__).parent.parent

@@ -22,15 +22,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.utils.data import DataLoader
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.crops import CropShape
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.learning.examples import ExampleReader, Examples
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UnknownNameError, UsageError
-from grasp_factory.examples import ExampleReader, Examples
-from grasp_factory.factory import generate
-from grasp_factory.networks import KINDS, TouchWindow, mirrored
+from grasp_factory.factory.generate import generate
+from grasp_factory.policies.networks import KINDS, TouchWindow, mirrored
+from grasp_factory.signals.grasp_crop import CropShape
 from grasp_factory.torch import Example, GraspDataset, GraspStream
-from grasp_factory.writers import chunks
+from grasp_factory.writers.zarr import chunks
 
 N = 22
 SMALL = CropShape(size=12)
@@ -101,13 +101,13 @@ class TestByIndex:
         self, examples: GraspDataset, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         opened: Counter[str] = Counter()
-        read = chunks.Shard.__init__
+        read = chunks.ShardFile.__init__
 
         def note(shard: Any, file: str, count: int) -> None:
             opened[file] += 1
             read(shard, file, count)
 
-        monkeypatch.setattr(chunks.Shard, "__init__", note)
+        monkeypatch.setattr(chunks.ShardFile, "__init__", note)
         order = np.random.default_rng(0).permutation(16)
         examples.__getitems__(order.tolist())
         assert set(opened.values()) == {1}
@@ -215,13 +215,13 @@ class TestStreams:
     def test_read_each_block_once(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         unread = GraspDataset(path, crop=SMALL)
         opened: Counter[str] = Counter()
-        read = chunks.Shard.__init__
+        read = chunks.ShardFile.__init__
 
         def note(shard: Any, file: str, count: int) -> None:
             opened[file] += 1
             read(shard, file, count)
 
-        monkeypatch.setattr(chunks.Shard, "__init__", note)
+        monkeypatch.setattr(chunks.ShardFile, "__init__", note)
         list(GraspStream(unread))
         assert set(opened.values()) == {1}
         list(GraspStream(unread))  # kept by now
@@ -348,7 +348,8 @@ def test_an_epoch_is_a_number(examples: GraspDataset) -> None:
 
 def test_numpy_users_do_not_load_torch() -> None:
     code = (
-        "import sys, grasp_factory.examples, grasp_factory.networks, grasp_factory.dataset;"
+        "import sys, grasp_factory.apps.learning.examples, grasp_factory.policies.networks;"
+        "import grasp_factory.dataset.dataset;"
         "print('torch' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from grasp_factory.core.enums import Label
 from grasp_factory.errors import UnknownNameError, UsageError
-from grasp_factory.labels import pad_normal_force
-from grasp_factory.outcome import Label
+from grasp_factory.labels.rule import pad_normal_force
 from grasp_factory.signals import (
     center_of_pressure,
     contact_values,

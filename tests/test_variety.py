@@ -15,19 +15,19 @@ import pytest
 from helpers import assert_same_tree
 from scenes import SMALL
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
-from grasp_factory.factory import generate
-from grasp_factory.geometry import Pose, apply
-from grasp_factory.labels import disturbance
-from grasp_factory.outcome import Label, Outcome, Phase
-from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.sections import ClutterConfig
-from grasp_factory.world import World
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
+from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.enums import Label, Outcome, Phase
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.geometry import Pose, apply
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.factory.generate import generate
+from grasp_factory.labels.rule import disturbance
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 ALL_CAMERAS = {name: camera.config for name, camera in CAMERAS.items()}
 COMMAND = [sys.executable, "-m", "grasp_factory", "generate"]

@@ -36,23 +36,24 @@ from numcodecs import zstd
 from stored import old_store
 from zarr.codecs import GzipCodec
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.finite_check import non_finite
+from grasp_factory.core.schema import FIELDS
+from grasp_factory.curation.repair import repair
+from grasp_factory.curation.verify import verification, verify
+from grasp_factory.curation.verify.deep import draw
+from grasp_factory.curation.verify.problems import REPAIR
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError, StoreError, StoreMismatchError, UsageError
-from grasp_factory.factory import generate
-from grasp_factory.finite import non_finite
-from grasp_factory.outcome import Outcome
-from grasp_factory.schema import FIELDS
-from grasp_factory.verifying import repair, verification, verify
-from grasp_factory.verifying.deep import draw
-from grasp_factory.verifying.problems import REPAIR
-from grasp_factory.writers import chunks, packing
-from grasp_factory.writers.added import added_labels
+from grasp_factory.factory.generate import generate
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.packed import FOLDER
-from grasp_factory.writers.store import prepare_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.writers.zarr import chunks, segment_packing
+from grasp_factory.writers.zarr.added_labels import added_labels
+from grasp_factory.writers.zarr.column_segments import FOLDER
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 FLIPS = 200
 
@@ -322,7 +323,7 @@ WRONG = {
 def test_pipes_and_folders_for_files_are_named_and_mended(
     copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
+    monkeypatch.setattr(segment_packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
     truth = tree(copy)
     for name, make in WRONG.items():
         replaced(name, make)(copy)
@@ -440,9 +441,9 @@ def test_what_a_killed_run_or_a_person_left_is_noted_and_harmless(copy: Path) ->
 
 def test_a_segment_under_anothers_name_is_named(copy: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(packing, "SEGMENT_BLOCKS", 1)
+        patch.setattr(segment_packing, "SEGMENT_BLOCKS", 1)
         shutil.rmtree(copy / FOLDER)
-        packing.pack(copy)
+        segment_packing.pack(copy)
     assert verify(copy).is_whole
     swap(f"{FOLDER}/0-0.npz", f"{FOLDER}/1-1.npz")(copy)
     arrays = [problem.array for problem in verify(copy).problems]
@@ -614,7 +615,7 @@ class TestDeep:
         assert verify(copy).is_whole
         (problem,) = verify(copy, deep=N).problems
         assert (problem.episode, problem.array) == (i, "cameras/front/rgb")
-        monkeypatch.setattr("grasp_factory.machine.platform.machine", lambda: "abacus")
+        monkeypatch.setattr("grasp_factory.core.machine.platform.machine", lambda: "abacus")
         report = verify(copy, deep=N)
         assert any("abacus" in change for change in report.changed)
         assert "abacus" in report.problems[0].what
@@ -685,7 +686,7 @@ class TestTheCommand:
     def test_text_is_cut_after_50_problems(
         self, copy: Path, run: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("grasp_factory.report.MOST_LINES", 2)
+        monkeypatch.setattr("grasp_factory.cli.curation_report.MOST_LINES", 2)
         for block in range(3):
             delete(f"episodes/spec/{block}")(copy)
         problems = len(verify(copy).problems)

@@ -9,12 +9,12 @@ import pybullet
 import pytest
 from scenes import SMALL
 
-from grasp_factory.camera import Camera, Intrinsics, Light, deproject, zbuffer_to_depth
+from grasp_factory.core.camera import Camera, Intrinsics, Light, deproject, zbuffer_to_depth
+from grasp_factory.core.config.physics import PhysicsConfig, Stepping
+from grasp_factory.core.geometry import IDENTITY, Pose, apply, look_at
 from grasp_factory.errors import GraspFactoryError, RecipeError
-from grasp_factory.geometry import IDENTITY, Pose, apply, look_at
 from grasp_factory.objects import MAX_PARTS, OBJECT_SETS, Compound, Part
-from grasp_factory.stepping import PhysicsConfig, Stepping
-from grasp_factory.world import DATA, World
+from grasp_factory.simulation.world import DATA, World
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 BOTTLE = OBJECT_SETS["procedural"].model("procedural/bottle/1")
@@ -179,7 +179,7 @@ def test_a_pose_is_the_bodys_own_frame_not_its_centre_of_mass(world):
 
 
 def test_importing_the_world_prints_nothing():
-    code = "import grasp_factory.world as w; w.World().close()"
+    code = "import grasp_factory.simulation.world as w; w.World().close()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert (done.stdout, done.stderr) == (b"", b"")
 

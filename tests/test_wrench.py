@@ -9,10 +9,10 @@ import zarr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array, quat_xyzw_to_matrix
-from grasp_factory.outcome import Phase
 from grasp_factory.signals import calibrate, compensate_gravity, rotations, tare, tool_load
 from grasp_factory.signals.wrench import GRAVITY
 

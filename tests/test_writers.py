@@ -16,16 +16,16 @@ import zarr
 from fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
 from helpers import assert_same_tree, pending_blocks, tree
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers import WRITERS, ZarrWriter
-from grasp_factory.writers import zarr as zarr_module
 from grasp_factory.writers.base import Quarantined, Writer
 from grasp_factory.writers.memory import MemoryWriter
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.writers.zarr import writer as zarr_module
+from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config(block_size=2)
 N = 5  # blocks 0, 1 and a short 2

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from grasp_factory.crops import CropShape
-from grasp_factory.networks import KINDS, GraspModel, TouchWindow, save_model
+from grasp_factory.policies.networks import KINDS, GraspModel, TouchWindow, save_model
+from grasp_factory.signals.grasp_crop import CropShape
 
 
 @cache
@@ -13,7 +13,7 @@ def tiny_model(seed: int, kind: str = "vision") -> bytes:
     """Return a model with weights drawn from a seed; that of seed 0 thinks the same of all."""
     import torch
 
-    from grasp_factory.networks.nets import GraspNet
+    from grasp_factory.policies.networks.nets import GraspNet
 
     crop = CropShape(size=8)
     with torch.random.fork_rng():

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from grasp_factory.core.renderer import Renderer
 from grasp_factory.errors import UsageError
-from grasp_factory.renderer import Renderer
-from grasp_factory.world import World
+from grasp_factory.simulation.world import World
 
 
 def world_of(renderer: Renderer) -> World:

@@ -10,9 +10,9 @@ from typing import Any
 
 import click
 
-from grasp_factory.arguments import AS_JSON
+from grasp_factory.cli.options import dataset_options, request_from
+from grasp_factory.cli.params import AS_JSON
 from grasp_factory.errors import EXIT_INTERRUPTED, EXIT_TERMINATED, Terminated
-from grasp_factory.options import dataset_options, request_from
 
 
 @click.command()
@@ -83,13 +83,14 @@ def flywheel(
     all so far. The folder OUT gets stores, models, flywheel.json and flywheel.png. The same
     command goes on where it was stopped.
     """
-    from grasp_factory.networks import require
+    from grasp_factory.core.optional import require
 
-    require("torch", "safetensors", "sklearn", "matplotlib")
-    from grasp_factory.flywheel import FlywheelSettings, turn_flywheel
-    from grasp_factory.flywheel.journal import FILE
-    from grasp_factory.flywheel.text import flywheel_text
-    from grasp_factory.progress import make, watched
+    require("torch", "safetensors", "sklearn", "matplotlib", extra="train")
+    from grasp_factory.apps.active_learning import FlywheelSettings, run_rounds
+    from grasp_factory.apps.active_learning.journal import FILE
+    from grasp_factory.apps.active_learning.text import flywheel_text
+    from grasp_factory.cli.progress import watched
+    from grasp_factory.cli.run_progress import make
 
     request = request_from(**options)
     settings = FlywheelSettings(
@@ -97,7 +98,7 @@ def flywheel(
         select=select, tries=tries, seeds=seeds, epochs=epochs,
     )  # fmt: skip
     try:
-        found = turn_flywheel(
+        found = run_rounds(
             settings,
             out,
             request.workers,

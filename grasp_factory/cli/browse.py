@@ -56,14 +56,14 @@ def browse(
     Serves a page over the stores at PATH, or those of an index file, until Ctrl-C, and prints its
     address. Only this machine reaches it, unless --host says otherwise.
     """
-    from grasp_factory.browse import require_server
+    from grasp_factory.apps.browse import require_server
 
     require_server()
-    from grasp_factory.browse.app import create_app
-    from grasp_factory.browse.serving import Server, address, is_loopback, listen, own_names
-    from grasp_factory.browse.thumbnails import Thumbnails
-    from grasp_factory.index import fresh
-    from grasp_factory.progress import counted
+    from grasp_factory.apps.browse.app import create_app
+    from grasp_factory.apps.browse.serving import Server, address, is_loopback, listen, own_names
+    from grasp_factory.apps.browse.thumbnails import Thumbnails
+    from grasp_factory.cli.progress import counted
+    from grasp_factory.dataset.index import fresh
 
     token = "" if read_only else secrets.token_urlsafe(24)
     thumbnails = Thumbnails()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.arguments import AS_JSON, STORE, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, print_json
 
 
 @click.command()
@@ -39,7 +39,7 @@ def card(path: Path, *, out: Path | None, force: bool, as_json: bool, **said: st
     episodes.csv, the config, and figures. The store is only read; docs/card.md says how to publish
     both.
     """
-    from grasp_factory.card import Publication, write_card
+    from grasp_factory.apps.card import Publication, write_card
 
     result = write_card(path, out, Publication(**said), force=force)
     if as_json:

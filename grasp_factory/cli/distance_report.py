@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from grasp_factory.episode_distance import EpisodeDistance, ImageDistance, PoseDistance
-from grasp_factory.report_words import percent, table
+from grasp_factory.core.text_format import percent, table
+from grasp_factory.curation.episode_distance import EpisodeDistance, ImageDistance, PoseDistance
 
 
 def distance_text(found: EpisodeDistance) -> str:

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.arguments import AS_JSON, print_json
+from grasp_factory.cli.params import AS_JSON, print_json
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.records import to_plain
 
 if TYPE_CHECKING:
-    from grasp_factory.index import Index, Query
+    from grasp_factory.dataset.index import Index, Query
 
 SHOWN = ("row", "outcome", "object_id", "policy", "split", "lift_height", "data_quality", "tags")
 """Columns of the table that people get."""
@@ -47,9 +47,9 @@ def index(paths: tuple[Path, ...], out: Path | None, as_json: bool) -> None:
     follows from the stores and from what people said of their episodes: delete it at any time.
     Several stores need --out.
     """
-    from grasp_factory.index import build, default_path
-    from grasp_factory.progress import counted
-    from grasp_factory.report_words import count, size_text
+    from grasp_factory.cli.progress import counted
+    from grasp_factory.core.text_format import count, size_text
+    from grasp_factory.dataset.index import build, default_path
 
     if out is None and len(paths) > 1:
         raise UsageError("several stores in one index need a place for it: --out FILE")
@@ -108,8 +108,8 @@ def query(
     Prints those of the stores at PATH, or of one index file, for which every --where holds. The
     index is made if there is none, and brought up to date.
     """
-    from grasp_factory.index import Query, fresh
-    from grasp_factory.progress import counted
+    from grasp_factory.cli.progress import counted
+    from grasp_factory.dataset.index import Query, fresh
 
     if "help" in where:
         click.echo(_help())
@@ -134,7 +134,7 @@ def query(
 
 
 def _columns(text: str) -> list[str]:
-    from grasp_factory.index import COLUMNS
+    from grasp_factory.dataset.index import COLUMNS
 
     names = [name.strip() for name in text.split(",")]
     known = {column.name: column for column in COLUMNS}
@@ -142,8 +142,8 @@ def _columns(text: str) -> list[str]:
 
 
 def _help() -> str:
-    from grasp_factory.index import COLUMNS, OPERATORS, SYNTAX
-    from grasp_factory.report_words import table
+    from grasp_factory.core.text_format import table
+    from grasp_factory.dataset.index import COLUMNS, OPERATORS, SYNTAX
 
     rows = [(c.name, c.kind, c.units, " ".join(OPERATORS[c.kind]), c.description) for c in COLUMNS]
     notes = (
@@ -172,7 +172,7 @@ def _rows(
 
 
 def _print_ids(found: Index, asked: Query, offset: int, limit: int | None) -> None:
-    from grasp_factory.selection import selection_lines
+    from grasp_factory.dataset.selection import selection_lines
 
     stores = found.stores
     paths = {store.id: store.path for store in stores}
@@ -192,7 +192,7 @@ def _print_json(
 def _print_csv(
     found: Index, asked: Query, offset: int, limit: int | None, names: Sequence[str] | None
 ) -> None:
-    from grasp_factory.index import COLUMNS
+    from grasp_factory.dataset.index import COLUMNS
 
     chosen = names or [column.name for column in COLUMNS]
     writer = csv.writer(sys.stdout, lineterminator="\n")
@@ -216,7 +216,7 @@ def _cells(row: dict[str, Any], names: Sequence[str]) -> list[Any]:
 def _print_table(
     found: Index, asked: Query, offset: int, limit: int | None, names: Sequence[str] | None
 ) -> None:
-    from grasp_factory.report_words import count, table
+    from grasp_factory.core.text_format import count, table
 
     several = len(found.stores) > 1
     chosen = list(names or (("store", *SHOWN) if several else SHOWN))
@@ -242,7 +242,7 @@ def _print_table(
 
 
 def _kinds() -> dict[str, str]:
-    from grasp_factory.index import COLUMNS
+    from grasp_factory.dataset.index import COLUMNS
 
     return {column.name: column.kind for column in COLUMNS}
 

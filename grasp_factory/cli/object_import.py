@@ -11,8 +11,8 @@ from pathlib import Path
 import click
 
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.meshes import FolderReport, import_folder, printable
 from grasp_factory.objects import OBJECT_SETS
+from grasp_factory.objects.importing import FolderReport, import_folder, printable
 from grasp_factory.robots import ROBOTS
 
 WARNINGS = 10

@@ -12,18 +12,18 @@ from typing import Any, TypeVar
 
 import click
 
-from grasp_factory.arguments import resolution, weighted
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
+from grasp_factory.cli.params import resolution, weighted
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.physics import PHYSICS_PRESETS
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
+from grasp_factory.core.config.yaml_loader import read_yaml
+from grasp_factory.core.platforms import ACCEPT
+from grasp_factory.core.renderer import Renderer
+from grasp_factory.core.serialization import check
+from grasp_factory.core.splits import SPLITS
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.platforms import ACCEPT
-from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.records import check
-from grasp_factory.renderer import Renderer
-from grasp_factory.request import Request, resolve_request
-from grasp_factory.splits import SPLITS
-from grasp_factory.stepping import PHYSICS_PRESETS
-from grasp_factory.yamltext import read_yaml
+from grasp_factory.factory.run_request import Request, resolve_request
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -237,7 +237,7 @@ def request_from(
 
 def _with_model(request: Request, file: Path) -> Request:
     """Return a request for what the policy ``learned`` does with a model, which is imported."""
-    from grasp_factory.models import import_model
+    from grasp_factory.policies.model_registry import import_model
 
     config = request.config
     if _LEARNED not in config.policies:
@@ -256,7 +256,7 @@ def _once_each(option: str, pairs: Sequence[tuple[str, float]]) -> dict[str, flo
 
 def _import(folders: Sequence[str], robot: str) -> dict[str, tuple[str, str]]:
     """Import folders and return each one's set name and digest."""
-    from grasp_factory.folders import import_usable
+    from grasp_factory.cli.object_import import import_usable
 
     found: dict[str, tuple[str, str]] = {}
     places: dict[str, str] = {}

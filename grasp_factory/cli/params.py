@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import ConfigError, UsageError, lookup, shown
-from grasp_factory.records import to_plain
-from grasp_factory.request import parse_size
+from grasp_factory.factory.run_request import parse_size
 
 STORE = click.argument("path", type=click.Path(path_type=Path))
 IDS = click.option(
@@ -22,7 +23,29 @@ AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for s
 
 
 class Commands(click.Group):
-    """A group that answers an unknown command with the nearest and all valid ones."""
+    """A group whose help lists the commands under headings.
+
+    It answers an unknown command with the nearest and all valid ones.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._sections: dict[str, list[str]] = {}
+
+    def add_section(self, heading: str, commands: Iterable[click.Command]) -> None:
+        """Add commands, which the help lists under a heading."""
+        for command in commands:
+            self.add_command(command)
+            assert command.name is not None
+            self._sections.setdefault(heading, []).append(command.name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands and their first sentences, section by section."""
+        width = formatter.width - 6 - max(map(len, self.commands))
+        for heading, names in self._sections.items():
+            with formatter.section(heading):
+                rows = [(name, self.commands[name].get_short_help_str(width)) for name in names]
+                formatter.write_dl(rows)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

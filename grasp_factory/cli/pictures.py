@@ -9,9 +9,9 @@ from typing import Any, TextIO
 
 import click
 
-from grasp_factory.arguments import IDS, STORE, indices, resolution
+from grasp_factory.cli.options import dataset_options, request_from
+from grasp_factory.cli.params import IDS, STORE, indices, resolution
 from grasp_factory.errors import UsageError
-from grasp_factory.options import dataset_options, request_from
 
 
 @click.command()
@@ -39,9 +39,9 @@ def sheet(
     The PNG image OUT gets a row for each episode of the store at PATH: before, after, depth and
     segmentation, labelled with the outcome. With --tiles, it gets a grid of many.
     """
-    from grasp_factory.dataset import Dataset
-    from grasp_factory.sheet import check_png, sheet_of, write_png
-    from grasp_factory.tiles import tiles_of
+    from grasp_factory.apps.pictures.sheet import check_png, sheet_of, write_png
+    from grasp_factory.apps.pictures.tiles import tiles_of
+    from grasp_factory.dataset.dataset import Dataset
 
     if episodes is not None and ids is not None:
         raise UsageError("--episodes and --ids: valid: one of them")
@@ -51,8 +51,8 @@ def sheet(
     dataset = Dataset.open(path)
     wanted = None if episodes is None else indices(episodes)
     if ids is not None:
-        from grasp_factory.selection import read_selection, with_episode
-        from grasp_factory.writers.zarr import COMMITTED
+        from grasp_factory.dataset.selection import read_selection, with_episode
+        from grasp_factory.writers.zarr.writer import COMMITTED
 
         wanted = read_selection(ids, path)
         if not tiles:
@@ -81,9 +81,9 @@ def plot(path: Path, episode: int, out: Path | None, camera: str | None, size: s
     IMU on one time axis with the phases, images before and after, and touch on the pads. OUT is
     episode_EPISODE.png in the current folder unless given.
     """
-    from grasp_factory.dataset import Dataset
-    from grasp_factory.plot import plot_episode
-    from grasp_factory.sheet import check_png, write_png
+    from grasp_factory.apps.pictures.plot import plot_episode
+    from grasp_factory.apps.pictures.sheet import check_png, write_png
+    from grasp_factory.dataset.dataset import Dataset
 
     out = Path(f"episode_{episode}.png") if out is None else out
     check_png(out)
@@ -103,9 +103,9 @@ def preview(out: Path, n: int, **options: Any) -> None:
     The PNG image OUT gets the first scenes of a dataset with these settings, as the first camera
     sees them before the attempt.
     """
-    from grasp_factory.preview import draw_preview
-    from grasp_factory.progress import Counter
-    from grasp_factory.sheet import check_png, write_png
+    from grasp_factory.apps.pictures.preview import draw_preview
+    from grasp_factory.apps.pictures.sheet import check_png, write_png
+    from grasp_factory.cli.progress import Counter
 
     check_png(out)
     config = request_from(**options).config

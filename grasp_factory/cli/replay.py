@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.arguments import AS_JSON, STORE, print_json, resolution
+from grasp_factory.cli.params import AS_JSON, STORE, print_json, resolution
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE, UsageError, shown
-from grasp_factory.records import to_plain
 
 if TYPE_CHECKING:
-    from grasp_factory.playback import Video, VideoPlan
+    from grasp_factory.apps.playback.playback import VideoPlan, WrittenVideo
 
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?"
 
@@ -66,8 +66,8 @@ def replay(
     given = {name: value for name, value in how.items() if value is not None}
     if video is None and given:
         raise UsageError(f"--{next(iter(given))} is about a video: add --video FILE.mp4")
-    from grasp_factory.replay import replay as run
-    from grasp_factory.report import replay_text
+    from grasp_factory.cli.curation_report import replay_text
+    from grasp_factory.curation.replay import replay as run
 
     plan = None if video is None else _plan(path, index, video, given)
     result = run(path, index)
@@ -89,9 +89,9 @@ def _plan(path: Path, index: int, video: Path, given: dict[str, Any]) -> VideoPl
         UsageError: for what cannot be.
         StoreError: if the episode cannot be read.
     """
-    from grasp_factory.dataset import Dataset
-    from grasp_factory.playback import Pace, View, free_camera, plan_video
-    from grasp_factory.replay import check_index
+    from grasp_factory.apps.playback.playback import Pace, View, free_camera, plan_video
+    from grasp_factory.curation.replay import check_index
+    from grasp_factory.dataset.dataset import Dataset
 
     pace = Pace(**{name: given.pop(name) for name in ("fps", "speed") if name in given})
     ends = [given.pop(name) for name in ("eye", "target") if name in given]
@@ -102,10 +102,10 @@ def _plan(path: Path, index: int, video: Path, given: dict[str, Any]) -> VideoPl
     return plan_video(dataset, check_index(dataset, index), video, view)
 
 
-def _write(plan: VideoPlan) -> Video:
+def _write(plan: VideoPlan) -> WrittenVideo:
     """Write a video, with a bar."""
-    from grasp_factory.playback import write_video
-    from grasp_factory.progress import watched
+    from grasp_factory.apps.playback.playback import write_video
+    from grasp_factory.cli.progress import watched
 
     with watched("frame", len(plan.times)) as count:
         return write_video(plan, count)
@@ -124,12 +124,12 @@ def rerun_(path: Path, index: int, out: Path | None, opened: bool) -> None:
     It has images, point cloud, robot, objects and measurements of episode INDEX of the store at
     PATH on one clock. Needs the extra rerun. Nothing leaves this machine.
     """
-    from grasp_factory.dataset import Dataset
-    from grasp_factory.recordings import default_file, open_viewer, require_rerun
+    from grasp_factory.apps.rerun import default_file, open_viewer, require_rerun
+    from grasp_factory.dataset.dataset import Dataset
 
     require_rerun()
-    from grasp_factory.recordings.recording import write_recording
-    from grasp_factory.replay import check_index
+    from grasp_factory.apps.rerun.recording import write_recording
+    from grasp_factory.curation.replay import check_index
 
     dataset = Dataset.open(path)
     index = check_index(dataset, index)

@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from grasp_factory.report_words import bar, count, percent, size_text, table
-from grasp_factory.summary import StoreSummary, Tally
+import yaml
+
+from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of
+from grasp_factory.core.text_format import bar, count, percent, size_text, table
+from grasp_factory.curation.merge.provenance import SeedSource, stored_sources
+from grasp_factory.dataset.summary import StoreSummary, Tally
+from grasp_factory.writers.zarr.header import SOURCES
 
 GROUPS = ("policy", "outcome", "object family", "object set", "split", "tag")
 """Tables that there are of a store."""
@@ -59,6 +64,31 @@ def arrays_text(facts: Iterable[Mapping[str, Any]]) -> str:
         (f["path"], " x ".join(map(str, f["shape"])), f["dtype"], f["units"] or "-") for f in facts
     ]
     return table([("array", "shape", "dtype", "unit"), *rows])
+
+
+def origin_text(attributes: Mapping[str, Any]) -> str:
+    """Return what a store was made with, and from which config."""
+    facts = {**attributes["versions"], **attributes["platform"]}
+    if known := fingerprint_of(attributes):
+        facts[FINGERPRINT] = str(known)
+    config = {"sha256": attributes["config_sha256"], **attributes["config"]}
+    text = yaml.safe_dump(config, sort_keys=False, default_flow_style=None, width=88)
+    parts = [table([("made with", ""), *facts.items()])]
+    if SOURCES in attributes:
+        parts.append("\n".join(["put together from", *sources_lines(stored_sources(attributes))]))
+    return "\n\n".join([*parts, f"config\n{text}"]).rstrip()
+
+
+def sources_lines(sources: Iterable[SeedSource]) -> list[str]:
+    """Return a table of the seeds that a store's rows come from, line by line."""
+    rows = [
+        (source.seed, source.rows, ", ".join(dict.fromkeys(
+            f"grasp_factory {maker.versions.get('grasp_factory', '?')}"
+            f" on {maker.platform.get('cpu', '?')}" for maker in source.made_with
+        )))
+        for source in sources
+    ]  # fmt: skip
+    return table([("seed", "rows", "made with"), *rows], right=(0, 1)).splitlines()
 
 
 def _tally_table(title: str, tallies: Mapping[str, Tally]) -> str:

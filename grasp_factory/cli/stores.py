@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.arguments import AS_JSON, STORE, print_json
-from grasp_factory.platforms import ACCEPT
-from grasp_factory.records import to_plain
+from grasp_factory.cli.params import AS_JSON, STORE, print_json
+from grasp_factory.core.platforms import ACCEPT
+from grasp_factory.core.serialization import to_plain
 
 WORKERS = click.option(
     "--workers", type=int, default=2, show_default=True, help="Processes; 1 works without a pool."
@@ -40,9 +40,9 @@ def verify(
     Looks at its structure, at the checksums of every episode and at what must hold for every
     array. Changes nothing. Exits with 0 if all is well, and with 1 after naming every problem.
     """
-    from grasp_factory.progress import counted
-    from grasp_factory.report import verify_text
-    from grasp_factory.verifying import verify as run
+    from grasp_factory.cli.curation_report import verify_text
+    from grasp_factory.cli.progress import counted
+    from grasp_factory.curation.verify import verify as run
 
     with counted("on_episode") as hooks:
         report = run(path, deep, workers, deep_seed=deep_seed, **hooks)
@@ -67,9 +67,9 @@ def repair(
     Whatever `verify` finds in the store at PATH is made again from its config and recipes;
     episodes that are whole stay as they are. Exits with 0 if the store is whole afterwards.
     """
-    from grasp_factory.progress import counted
-    from grasp_factory.report import repair_text
-    from grasp_factory.verifying import repair as run
+    from grasp_factory.cli.curation_report import repair_text
+    from grasp_factory.cli.progress import counted
+    from grasp_factory.curation.repair import repair as run
 
     with counted("on_episode") as hooks:
         result = run(path, workers, accept_other_platform=accept_other_platform, **hooks)

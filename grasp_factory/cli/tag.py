@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from grasp_factory.arguments import AS_JSON, IDS, STORE, indices, print_json
+from grasp_factory.cli.params import AS_JSON, IDS, STORE, indices, print_json
 from grasp_factory.errors import UsageError, shown
 
 if TYPE_CHECKING:
-    from grasp_factory.annotations import Annotation, Change
+    from grasp_factory.dataset.annotations import Annotation, Change
 
 NONE = "none"
 """Word that takes a quality or an outcome back."""
@@ -52,8 +52,8 @@ def tag(
     It is kept in the store at PATH with who said it and when, apart from what was measured, and
     stays when the store grows, is repaired, merged or split. `grasp-factory tags` lists it.
     """
-    from grasp_factory.annotations import AnnotationLog, default_who
-    from grasp_factory.report_words import count
+    from grasp_factory.core.text_format import count
+    from grasp_factory.dataset.annotations import AnnotationLog, default_who
 
     for word in sorted({*add}.intersection(remove)):
         raise UsageError(f"--add and --remove both say {shown(word)}: choose one of them")
@@ -97,9 +97,9 @@ def tags(
     Prints the tags of the store at PATH with how many episodes have them; with --json or --csv all
     annotations, episode by episode, and with --history every change that led there.
     """
-    from grasp_factory.annotations import AnnotationLog
-    from grasp_factory.annotations.listing import annotations_csv, changes_csv
-    from grasp_factory.writers.header import read_attributes
+    from grasp_factory.dataset.annotations import AnnotationLog
+    from grasp_factory.dataset.annotations.listing import annotations_csv, changes_csv
+    from grasp_factory.writers.zarr.header import read_attributes
 
     if as_csv and as_json:
         raise UsageError("--csv and --json: choose one of them")
@@ -125,7 +125,7 @@ def _rows(path: Path, episodes: str | None, ids: TextIO | None) -> list[int] | N
     """Return the rows that every option names; None if there are no options."""
     given = [] if episodes is None else [indices(episodes)]
     if ids is not None:
-        from grasp_factory.selection import read_selection
+        from grasp_factory.dataset.selection import read_selection
 
         given.append(read_selection(ids, path))
     if not given:
@@ -145,8 +145,8 @@ def _quality(text: str) -> int | str | None:
 
 
 def _text(annotations: Sequence[Annotation]) -> str:
-    from grasp_factory.annotations.listing import summary, tag_counts
-    from grasp_factory.report_words import count, table
+    from grasp_factory.core.text_format import count, table
+    from grasp_factory.dataset.annotations.listing import summary, tag_counts
 
     found = summary(annotations)
     total = found.pop("annotated")
@@ -159,8 +159,8 @@ def _text(annotations: Sequence[Annotation]) -> str:
 
 
 def _history_text(changes: Sequence[Change]) -> str:
-    from grasp_factory.annotations.listing import change_text
-    from grasp_factory.report_words import table
+    from grasp_factory.core.text_format import table
+    from grasp_factory.dataset.annotations.listing import change_text
 
     if not changes:
         return ""

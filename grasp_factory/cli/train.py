@@ -11,9 +11,9 @@ from typing import Any, TextIO, TypeVar
 
 import click
 
-from grasp_factory.arguments import AS_JSON, IDS, STORE, print_json
+from grasp_factory.cli.params import AS_JSON, IDS, STORE, print_json
+from grasp_factory.core.output_file import is_in_store
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.outfile import is_in_store
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -76,11 +76,11 @@ def train(
     train split are learned from; what chooses weights and judges stays whole.
     """
     _check_libraries()
-    from grasp_factory.baselines import plots
-    from grasp_factory.baselines.comparison import Course, compare
-    from grasp_factory.baselines.report import report_of, report_text
-    from grasp_factory.networks import save_model
-    from grasp_factory.progress import watched
+    from grasp_factory.apps.learning import plots
+    from grasp_factory.apps.learning.comparison import Course, compare
+    from grasp_factory.apps.learning.report import report_of, report_text
+    from grasp_factory.cli.progress import watched
+    from grasp_factory.policies.networks import save_model
 
     settings, noise = _settings(options), options["noise"]
     course = Course(
@@ -143,12 +143,12 @@ def learning_curve(
     Each size is trained with several seeds, each on another random part of the train split.
     """
     _check_libraries()
-    from grasp_factory.baselines import plots
-    from grasp_factory.baselines.comparison import Course
-    from grasp_factory.baselines.curve import Steps, curve_text
-    from grasp_factory.baselines.curve import learning_curve as measure
-    from grasp_factory.progress import watched
-    from grasp_factory.records import to_plain
+    from grasp_factory.apps.learning import plots
+    from grasp_factory.apps.learning.comparison import Course
+    from grasp_factory.apps.learning.curve import Steps, curve_text
+    from grasp_factory.apps.learning.curve import learning_curve as measure
+    from grasp_factory.cli.progress import watched
+    from grasp_factory.core.serialization import to_plain
 
     settings, noise = _settings(options), options["noise"]
     steps = Steps(kind=kind, sizes=_numbers(sizes), seeds=seeds)
@@ -171,26 +171,26 @@ def learning_curve(
 
 
 def _selection(ids: TextIO | None, path: Path) -> tuple[int, ...] | None:
-    from grasp_factory.selection import read_selection
+    from grasp_factory.dataset.selection import read_selection
 
     return None if ids is None else tuple(read_selection(ids, path))
 
 
 def _check_libraries() -> None:
-    from grasp_factory.networks import require
+    from grasp_factory.core.optional import require
 
-    require("torch", "safetensors", "sklearn", "matplotlib")
+    require("torch", "safetensors", "sklearn", "matplotlib", extra="train")
 
 
 def _settings(options: dict[str, Any]) -> Any:
-    from grasp_factory.baselines.training import TrainSettings
+    from grasp_factory.apps.learning.training import TrainSettings
 
     given = {key: options[key] for key in ("seed", "epochs", "threads")}
     return TrainSettings(**{key: value for key, value in given.items() if value is not None})
 
 
 def _open(path: Path, test: Path | None, noise: str | None) -> tuple[Any, Any]:
-    from grasp_factory.dataset import Dataset
+    from grasp_factory.dataset.dataset import Dataset
 
     dataset = Dataset.open(path, noise=noise)
     return dataset, Dataset.open(test, noise=noise) if test else dataset
@@ -201,7 +201,7 @@ def _about(
 ) -> dict[str, Any]:
     """Return what a report says of where it comes from; no time of day, so that runs compare."""
     from grasp_factory import __version__
-    from grasp_factory.records import to_plain
+    from grasp_factory.core.serialization import to_plain
 
     return {
         "grasp_factory": __version__,

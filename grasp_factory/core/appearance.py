@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from grasp_factory.camera import Light
-from grasp_factory.records import check
+from grasp_factory.core.camera import Light
+from grasp_factory.core.serialization import check
 
 Color = tuple[float, float, float]
 """Red, green and blue, 0 to 1."""
@@ -17,7 +17,7 @@ def check_color(key: str, color: Color) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SurfaceLook:
+class SurfaceAppearance:
     """The look of something flat."""
 
     color: Color
@@ -28,14 +28,14 @@ class SurfaceLook:
         check_color("color", self.color)
 
 
-TABLE = SurfaceLook(color=(0.72, 0.55, 0.38))
-FLOOR = SurfaceLook(color=(0.42, 0.44, 0.46))
+TABLE = SurfaceAppearance(color=(0.72, 0.55, 0.38))
+FLOOR = SurfaceAppearance(color=(0.42, 0.44, 0.46))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
     """What is around the objects and changes nothing but images."""
 
-    table: SurfaceLook = TABLE
-    floor: SurfaceLook = FLOOR
+    table: SurfaceAppearance = TABLE
+    floor: SurfaceAppearance = FLOOR
     light: Light = field(default_factory=Light)

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.elementary import sincos
-from grasp_factory.geometry import Array, inverse
-from grasp_factory.linear import turned
-from grasp_factory.renderer import Renderer
+from grasp_factory.core.elementary import sincos
+from grasp_factory.core.geometry import Array, inverse
+from grasp_factory.core.linear import turned
+from grasp_factory.core.renderer import Renderer
 
 
 @dataclass(frozen=True, slots=True)

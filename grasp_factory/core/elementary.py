@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grasp_factory.linear import Array
+from grasp_factory.core.linear import Array
 
 LARGEST_ANGLE = 1e5
 """Radians: up to here the range reduction of sine and cosine keeps all bits."""

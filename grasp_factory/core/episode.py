@@ -11,21 +11,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, Pose
-from grasp_factory.gripper import Gripper
-from grasp_factory.looks import Color, Surroundings
-from grasp_factory.outcome import Outcome
-from grasp_factory.records import from_plain, to_plain
-from grasp_factory.schema import FIELDS
-from grasp_factory.sections import (
+from grasp_factory.core.appearance import Color, Surroundings
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.config.quality import QualityConfig
+from grasp_factory.core.config.sections import (
     CameraConfig,
     LabelConfig,
     MotionConfig,
     ShakeConfig,
     WorkspaceConfig,
 )
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.thresholds import QualityConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.geometry import Array, Pose
+from grasp_factory.core.gripper import Gripper
+from grasp_factory.core.schema import FIELDS
+from grasp_factory.core.serialization import from_plain, to_plain
+
+Streams = Mapping[str, NDArray[Any]]
+"""Time series by name, each (samples, ...)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.schema import Field
+from grasp_factory.core.schema import Field
 
 
 def non_finite(contents: Mapping[str, NDArray[Any]], fields: Iterable[Field]) -> str:

@@ -7,9 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grasp_factory.elementary import arctan2, sincos
-from grasp_factory.linear import Array as Array  # noqa: PLC0414
-from grasp_factory.linear import length, norm, product, turned
+from grasp_factory.core.elementary import arctan2, sincos
+from grasp_factory.core.linear import Array as Array  # noqa: PLC0414
+from grasp_factory.core.linear import length, norm, product, turned
+
+Vector3 = tuple[float, float, float]
+QuatXyzw = tuple[float, float, float, float]
+"""A quaternion, scalar last."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.outcome import Label, Outcome, Phase, label_names, names
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Label, Outcome, Phase, label_names, names
 
 FORMAT = "grasp-factory"
 FORMAT_VERSION = 1

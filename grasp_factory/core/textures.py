@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.elementary import sincos
+from grasp_factory.core.elementary import sincos
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import lookup
-from grasp_factory.geometry import Array
 
 SIDE = 256
 """Pixels of each side."""

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.episode import CameraFrames, Episode
-from grasp_factory.geometry import Array
+from grasp_factory.core.episode import CameraFrames, Episode
+from grasp_factory.core.geometry import Array
 
 Arrays = Mapping[str, NDArray[Any]]
 MILLI = 1000.0

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.enums import Outcome, Phase
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError
-from grasp_factory.labels import judge
-from grasp_factory.outcome import Outcome, Phase
-from grasp_factory.records import to_plain
-from grasp_factory.sections import LabelConfig
-from grasp_factory.writers.labels import NOT_LABELLED, write_label
-from grasp_factory.writers.lock import StoreLock
+from grasp_factory.labels.rule import judge
+from grasp_factory.writers.zarr.label_columns import NOT_LABELLED, write_label
+from grasp_factory.writers.zarr.lock import StoreLock
 
 _STREAMS = (
     "timestamp",

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from grasp_factory import carried
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
-from grasp_factory.episode_distance import (
-    Arrays,
-    EpisodeDistance,
-    episode_distance,
-    first_different,
-)
-from grasp_factory.errors import RecipeError, StoreError, UsageError
-from grasp_factory.fingerprint import fingerprint
-from grasp_factory.platforms import (
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.platforms import (
     Fingerprint,
     differing,
     fingerprint_of,
     meaning,
     parsed,
 )
-from grasp_factory.rollout import run_episode
-from grasp_factory.world import World
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.header import root_attributes
+from grasp_factory.curation.episode_distance import (
+    Arrays,
+    EpisodeDistance,
+    episode_distance,
+    first_different,
+)
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.errors import RecipeError, StoreError, UsageError
+from grasp_factory.factory import embedded_assets
+from grasp_factory.simulation.fingerprint import fingerprint
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.made_with import changed_since, changed_versions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +82,7 @@ def replay(path: Path, index: int) -> Replay:
     """
     dataset = Dataset.open(path)
     index = check_index(dataset, index)
-    carried.unpack(path, dataset.config)
+    embedded_assets.unpack(path, dataset.config)
     known, here = made_on(dataset, index), fingerprint(dataset.config)
     quarantined = dataset.status[index] == 2
     recorded = str(dataset.column("error")[index]) if quarantined else ""
@@ -139,31 +136,3 @@ def check_index(dataset: Dataset, index: int) -> int:
             f"episode {index} of {dataset.path} is not made yet: run its generate command again"
         )
     return index
-
-
-def changed_since(attributes: Mapping[str, Any]) -> list[str]:
-    """Return ``what: recorded, now present`` for each version and platform fact that changed.
-
-    Of the platform, what the store does not tell is left out.
-    """
-    then, here = attributes.get("platform", {}), _here(attributes)["platform"]
-    known = {key: now for key, now in here.items() if key in then}
-    return changed_versions(attributes) + _changed(then, known)
-
-
-def changed_versions(attributes: Mapping[str, Any]) -> list[str]:
-    """Return ``what: recorded, now present`` for each version that changed."""
-    return _changed(attributes.get("versions", {}), _here(attributes)["versions"])
-
-
-def _changed(then: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
-    return [
-        f"{key}: {then.get(key, 'unknown')}, now {now}"
-        for key, now in here.items()
-        if then.get(key) != now
-    ]
-
-
-def _here(attributes: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    ours = root_attributes(FactoryConfig.from_plain(attributes["config"]), {})
-    return {group: ours[group] for group in ("versions", "platform")}

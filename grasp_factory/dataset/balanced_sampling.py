@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.records import is_integer
 
 
 def draw_evenly(classes: NDArray[Any], n: int | None, seed: int) -> NDArray[np.int64]:

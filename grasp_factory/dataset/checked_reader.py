@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.episode import checksum
+from grasp_factory.core import schema
+from grasp_factory.core.episode import checksum
+from grasp_factory.core.platforms import is_fingerprint
+from grasp_factory.core.schema import Field
+from grasp_factory.dataset.row_codec import fixed, is_fill
 from grasp_factory.errors import StoreError
-from grasp_factory.platforms import is_fingerprint
-from grasp_factory.rows import fixed, is_fill
-from grasp_factory.schema import Field
-from grasp_factory.writers.aside import aside
-from grasp_factory.writers.columns import Columns, check_lengths
-from grasp_factory.writers.digests import digest
-from grasp_factory.writers.layout import block_files
-from grasp_factory.writers.seals import VALUES_SEAL, is_sealed, values_digest
-from grasp_factory.writers.stored import StoredArray
-from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
+from grasp_factory.writers.zarr.array_reader import StoredArray
+from grasp_factory.writers.zarr.atomic_store import aside
+from grasp_factory.writers.zarr.columns import Columns, check_lengths
+from grasp_factory.writers.zarr.digests import digest
+from grasp_factory.writers.zarr.layout import block_files
+from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, is_sealed, values_digest
+from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 _MEND = "run grasp-factory verify on the store, and repair"
 _OF_QUARANTINED = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
@@ -61,7 +61,7 @@ def checked_arrays(
         check_lengths(path, arrays)
     except StoreError as error:
         raise StoreError(f"{error}; {_MEND}") from None
-    places = _Places(path, arrays, seed, has_fingerprints=has_fingerprints)
+    places = _RowOrderCheck(path, arrays, seed, has_fingerprints=has_fingerprints)
     return {
         name: array if name in _WITHOUT else CheckedArray(path, name, arrays, fields, places)
         for name, array in arrays.items()
@@ -95,7 +95,7 @@ class CheckedArray(StoredArray):
         path: str,
         arrays: Mapping[str, StoredArray],
         fields: Mapping[str, Field],
-        places: _Places,
+        places: _RowOrderCheck,
     ) -> None:
         """Use the array at ``path`` of a store's arrays."""
         super().__init__(arrays[path].zarr)
@@ -182,7 +182,7 @@ class CheckedArray(StoredArray):
         raise StoreError(f"{self._store}: {what}; {_MEND}")
 
 
-class _Places:
+class _RowOrderCheck:
     """Knows whether rows are where their recipes' indices say; each block is looked at once."""
 
     def __init__(

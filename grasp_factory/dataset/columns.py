@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.checked import CheckedColumns
-from grasp_factory.conditions import matching
+from grasp_factory.core.schema import Field
+from grasp_factory.core.splits import SPLITS
+from grasp_factory.dataset.balanced_sampling import draw_evenly
+from grasp_factory.dataset.checked_reader import CheckedColumns
+from grasp_factory.dataset.filters import matching
+from grasp_factory.dataset.row_index import RowIndex
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.even_draws import draw_evenly
-from grasp_factory.indexing import RowIndex
-from grasp_factory.schema import Field
-from grasp_factory.splits import SPLITS
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.zarr import COMMITTED
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.writer import COMMITTED
 
 
 class EpisodeTable:

@@ -11,24 +11,24 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.annotations import Annotation, AnnotationLog
-from grasp_factory.annotations.values import checked_tag
-from grasp_factory.checked import CheckedColumns, checked_arrays, checked_label
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode, EpisodeSpec
-from grasp_factory.episodes import Episodes
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.dataset.annotations import Annotation, AnnotationLog
+from grasp_factory.dataset.annotations.values import checked_tag
+from grasp_factory.dataset.checked_reader import CheckedColumns, checked_arrays, checked_label
+from grasp_factory.dataset.episode_reader import Episodes
+from grasp_factory.dataset.row_codec import NEEDED
+from grasp_factory.dataset.row_index import RowIndex
+from grasp_factory.dataset.sensor_reader import Readings
+from grasp_factory.dataset.sensor_views import EpisodeViews
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.indexing import RowIndex
-from grasp_factory.noise import EpisodeNoise, SensorNoise, named_noise
-from grasp_factory.platforms import FINGERPRINT
-from grasp_factory.readings import Readings
-from grasp_factory.rows import NEEDED
-from grasp_factory.views import EpisodeViews
-from grasp_factory.writers.added import added_columns, added_labels
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.header import SOURCES, open_store, read_array
-from grasp_factory.writers.stored import StoredArray, open_arrays
+from grasp_factory.signals.noise import EpisodeNoise, SensorNoise, named_noise
+from grasp_factory.writers.zarr.added_labels import added_columns, added_labels
+from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.header import SOURCES, open_store, read_array
 
 
 class Dataset(EpisodeViews):

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode, checksum
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode, checksum
+from grasp_factory.core.schema import Field
+from grasp_factory.dataset.row_codec import Row, assemble, read_rows
 from grasp_factory.errors import StoreError
-from grasp_factory.noise import EpisodeNoise
-from grasp_factory.rows import Row, assemble, read_rows
-from grasp_factory.schema import Field
-from grasp_factory.writers.stored import StoredArray
-from grasp_factory.writers.zarr import COMMITTED
+from grasp_factory.signals.noise import EpisodeNoise
+from grasp_factory.writers.zarr.array_reader import StoredArray
+from grasp_factory.writers.zarr.writer import COMMITTED
 
 
 class Episodes:

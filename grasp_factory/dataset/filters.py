@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.schema import Field
+from grasp_factory.core.serialization import is_number
 from grasp_factory.errors import UsageError, lookup, shown
-from grasp_factory.records import is_number
-from grasp_factory.schema import Field
 
 _KINDS = {"string": "UT", "bool": "b"}
 """numpy's kinds of values that a column of a type may be compared with; numbers otherwise."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.episode import CameraFrames, Episode, EpisodeSpec
-from grasp_factory.outcome import Outcome
-from grasp_factory.schema import Field
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import CameraFrames, Episode, EpisodeSpec
+from grasp_factory.core.schema import Field
 
 Row = dict[str, NDArray[Any]]
 """Values of one episode by path, streams trimmed."""

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import StoreError, shown
-from grasp_factory.records import is_integer
-from grasp_factory.writers.stored import StoredArray
-from grasp_factory.writers.zarr import MISSING, QUARANTINED
+from grasp_factory.writers.zarr.array_reader import StoredArray
+from grasp_factory.writers.zarr.writer import MISSING, QUARANTINED
 
 
 class RowIndex:

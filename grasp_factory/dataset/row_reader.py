@@ -6,17 +6,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
+from grasp_factory.dataset.row_codec import Row, assemble, read_rows
 from grasp_factory.errors import StoreError
-from grasp_factory.platforms import FINGERPRINT, is_fingerprint
-from grasp_factory.rows import Row, assemble, read_rows
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.columns import check_lengths
-from grasp_factory.writers.header import SOURCES, fields_of, open_store
-from grasp_factory.writers.stored import open_arrays
-from grasp_factory.writers.zarr import COMMITTED, QUARANTINED
+from grasp_factory.writers.zarr.array_reader import open_arrays
+from grasp_factory.writers.zarr.columns import check_lengths
+from grasp_factory.writers.zarr.header import SOURCES, fields_of, open_store
+from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.clouds import FRAMES, PointCloud, joined, labels_of, visible_cloud
-from grasp_factory.config import FactoryConfig
-from grasp_factory.crops import CropShape, GraspCrop, grasp_crop
-from grasp_factory.episode import CameraImage, EpisodeSpec
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import CameraImage, EpisodeSpec
+from grasp_factory.core.geometry import Array, inverse, pose_matrices
+from grasp_factory.core.schema import Field
+from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import StoreError, UsageError, lookup
-from grasp_factory.geometry import Array, inverse, pose_matrices
-from grasp_factory.noise import EpisodeNoise
-from grasp_factory.outcome import Outcome
-from grasp_factory.records import is_integer
-from grasp_factory.schema import Field
-from grasp_factory.writers.stored import StoredArray
+from grasp_factory.signals.grasp_crop import CropShape, GraspCrop, grasp_crop
+from grasp_factory.signals.noise import EpisodeNoise
+from grasp_factory.signals.point_cloud import FRAMES, PointCloud, joined, labels_of, visible_cloud
+from grasp_factory.writers.zarr.array_reader import StoredArray
 
 IMAGES = ("rgb", "depth", "segmentation")
 

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from grasp_factory.checked import CheckedColumns
-from grasp_factory.clouds import PointCloud
-from grasp_factory.config import FactoryConfig
-from grasp_factory.crops import CropShape, GraspCrop
-from grasp_factory.episode import CameraImage
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import CameraImage
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.schema import Field
+from grasp_factory.dataset.checked_reader import CheckedColumns
+from grasp_factory.dataset.columns import EpisodeTable
+from grasp_factory.dataset.row_index import RowIndex
+from grasp_factory.dataset.sensor_reader import IMAGES, Readings
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.geometry import Array
-from grasp_factory.indexing import RowIndex
-from grasp_factory.readings import IMAGES, Readings
-from grasp_factory.schema import Field
-from grasp_factory.table import EpisodeTable
-from grasp_factory.writers.columns import Columns
+from grasp_factory.signals.grasp_crop import CropShape, GraspCrop
+from grasp_factory.signals.point_cloud import PointCloud
+from grasp_factory.writers.zarr.columns import Columns
 
 RIGID = 1e-4
 """How far a rotation's products may be from the identity's, as after a trip through float32."""

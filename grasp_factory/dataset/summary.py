@@ -11,13 +11,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.annotations.listing import tag_counts
-from grasp_factory.dataset import Dataset
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.platforms import parsed
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.sizes import store_bytes
-from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.platforms import parsed
+from grasp_factory.dataset.annotations.listing import tag_counts
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.sizes import store_bytes
+from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 K = TypeVar("K", str, tuple[str, str])
 

@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.collecting.reading import RowReader, StoredRow
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.os_errors import GO_ON, MACHINE_TROUBLE, NO_THREAD
+from grasp_factory.dataset.row_reader import RowReader, StoredRow
 from grasp_factory.errors import RecipeError, StoreError
-from grasp_factory.executors import Report
-from grasp_factory.fingerprint import fingerprint
-from grasp_factory.models import find_model
-from grasp_factory.request import Request
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.trouble import GO_ON, MACHINE_TROUBLE, NO_THREAD
-from grasp_factory.world import World
+from grasp_factory.factory.executors import SendMessage
+from grasp_factory.factory.run_request import Request
+from grasp_factory.policies.model_registry import find_model
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.fingerprint import fingerprint
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.zarr import COMMITTED, ZarrWriter
+from grasp_factory.writers.zarr.writer import COMMITTED, ZarrWriter
 
 LONGEST_REASON = 300
 
@@ -84,7 +84,7 @@ class BlockMaker:
     def __reduce__(self) -> tuple[Any, ...]:
         return BlockMaker, (self._config, self._path)
 
-    def __call__(self, job: BlockJob, report: Report) -> None:
+    def __call__(self, job: BlockJob, report: SendMessage) -> None:
         """Make what is missing of a block, and keep what is there.
 
         Raises:

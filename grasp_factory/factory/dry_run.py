@@ -12,16 +12,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import carried
-from grasp_factory.blocks import Made, rows_of
-from grasp_factory.dataset import Dataset
-from grasp_factory.executors import JOBS_PER_PROCESS, Executor, make_executor
-from grasp_factory.factory import check_names
-from grasp_factory.pilots import Flight, episode_seconds, fly, relative_error
-from grasp_factory.request import Request
-from grasp_factory.resuming import check_platform
-from grasp_factory.world.connection import check_renderer
-from grasp_factory.writers.store import check_place, missing_rows
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.factory import embedded_assets
+from grasp_factory.factory.block_job import Made, rows_of
+from grasp_factory.factory.executors import JOBS_PER_PROCESS, Executor, make_executor
+from grasp_factory.factory.name_check import check_names
+from grasp_factory.factory.pilot_blocks import (
+    PilotResult,
+    episode_seconds,
+    relative_error,
+    run_pilot_blocks,
+)
+from grasp_factory.factory.resume import check_platform
+from grasp_factory.factory.run_request import Request
+from grasp_factory.simulation.world.connection import check_renderer
+from grasp_factory.writers.zarr.store import check_place, missing_rows
 
 Z95 = 1.96
 """Standard deviations about the mean that hold 95 % of a normal distribution."""
@@ -87,7 +92,7 @@ def forecast(
     """
     config, size = request.config, request.config.block_size
     target = check_place(request.out, config)
-    carried.unpack(request.out, config)
+    embedded_assets.unpack(request.out, config)
     check_names(config)
     check_renderer(config.renderer)
     check_platform(request)
@@ -103,7 +108,7 @@ def forecast(
     expected = None
     if sizes:
         how = executor or make_executor(request.workers)
-        flight = fly(request, how, length, sizes, on_episode)
+        flight = run_pilot_blocks(request, how, length, sizes, on_episode)
         expected = _expected(flight, sizes, request.workers, is_new=there == 0)
     return Forecast(
         path=str(request.out),
@@ -125,7 +130,9 @@ def _missing(request: Request, there: int, length: int) -> NDArray[np.int64]:
     return np.concatenate([own, longer])
 
 
-def _expected(flight: Flight, sizes: Mapping[int, int], workers: int, *, is_new: bool) -> Expected:
+def _expected(
+    flight: PilotResult, sizes: Mapping[int, int], workers: int, *, is_new: bool
+) -> Expected:
     """Reckon from the pilots.
 
     Args:

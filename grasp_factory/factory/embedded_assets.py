@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from grasp_factory import models
-from grasp_factory.cache import digest
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core.cache import digest
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.errors import ConfigError, StoreError
 from grasp_factory.objects import find_set
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
-from grasp_factory.writers.carried import MODELS, OBJECTS, carried_by, read_carried
+from grasp_factory.policies import model_registry
+from grasp_factory.writers.zarr.embedded import MODELS, OBJECTS, carried_by, read_carried
 
 
 def packed(config: FactoryConfig) -> dict[str, bytes]:
@@ -19,7 +19,7 @@ def packed(config: FactoryConfig) -> dict[str, bytes]:
     Raises:
         ConfigError: if this machine has not imported some of it.
     """
-    pack = {OBJECTS: pack_folder, MODELS: models.read}
+    pack = {OBJECTS: pack_folder, MODELS: model_registry.read}
     return {path: pack[_group(path)](sha256) for path, sha256 in carried_by(config).items()}
 
 
@@ -53,7 +53,7 @@ def _is_here(path: str, sha256: str) -> bool:
     group, _, name = path.partition("/")
     try:
         if group == MODELS:
-            models.read(sha256)
+            model_registry.read(sha256)
         else:
             find_set(name, sha256)
     except ConfigError:
@@ -71,7 +71,7 @@ def _unpack_whole(path: Path, name: str, sha256: str, content: bytes) -> None:
     if found != sha256:
         raise StoreError(f"{path} is damaged: {what} is not what it was made with")
     if _group(name) == MODELS:
-        models.keep(content)
+        model_registry.keep(content)
 
 
 def _said(path: str) -> str:

@@ -12,35 +12,32 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory import carried
-from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made, rows_of
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.errors import StoreBusyError, StoreError, lookup
-from grasp_factory.executors import ProcessExecutor, make_executor
-from grasp_factory.fingerprint import fingerprint
-from grasp_factory.losses import Failures, Losses
-from grasp_factory.models import find_model
-from grasp_factory.objects import OBJECT_SETS, check_splits, find_set
-from grasp_factory.platforms import FINGERPRINT
-from grasp_factory.policies import POLICIES
-from grasp_factory.records import check
-from grasp_factory.request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard
-from grasp_factory.resuming import check_platform, warn_of_other_versions
-from grasp_factory.robots import ROBOTS, RobotModel
-from grasp_factory.runlog import RunLog
-from grasp_factory.summary import StoreSummary, summarise
-from grasp_factory.trouble import GO_ON, MACHINE_TROUBLE
-from grasp_factory.world.connection import check_renderer
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.lock import ShardLock, StoreLock
-from grasp_factory.writers.packing import is_time_to_pack, pack
-from grasp_factory.writers.store import check_place, missing_rows, prepare_store
-from grasp_factory.writers.zarr import QUARANTINED
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.os_errors import GO_ON, MACHINE_TROUBLE
+from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import StoreSummary, summarise
+from grasp_factory.errors import StoreBusyError, StoreError
+from grasp_factory.factory import embedded_assets
+from grasp_factory.factory.block_job import Begun, BlockJob, BlockMaker, Committed, Made, rows_of
+from grasp_factory.factory.executors import ProcessExecutor, make_executor
+from grasp_factory.factory.name_check import check_names
+from grasp_factory.factory.resume import check_platform, warn_of_other_versions
+from grasp_factory.factory.retry_policy import Failures, Losses
+from grasp_factory.factory.run_log import RunLog
+from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard
+from grasp_factory.robots import RobotModel
+from grasp_factory.simulation.fingerprint import fingerprint
+from grasp_factory.simulation.world.connection import check_renderer
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.lock import ShardLock, StoreLock
+from grasp_factory.writers.zarr.segment_packing import is_time_to_pack, pack
+from grasp_factory.writers.zarr.store import check_place, missing_rows, prepare_store
+from grasp_factory.writers.zarr.writer import QUARANTINED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class RunPlan:
     """What a run is about to do."""
 
     path: Path
@@ -86,7 +83,7 @@ def generate(
     max_failures: float = MAX_FAILURES,
     retry_quarantined: bool = False,
     accept_other_platform: bool = False,
-    on_start: Callable[[Plan], None] = lambda plan: None,
+    on_start: Callable[[RunPlan], None] = lambda plan: None,
     on_episode: Callable[[Made], None] = lambda made: None,
     on_loss: Callable[[str], None] = lambda text: None,
 ) -> Summary:
@@ -129,13 +126,13 @@ def generate(
     executor = ProcessExecutor(workers) if is_watched else make_executor(request.workers)
     path, start = request.out, time.monotonic()
     target = check_place(path, config)
-    carried.unpack(path, config)
+    embedded_assets.unpack(path, config)
     robot = check_names(config)
     check_renderer(config.renderer)
     with saying_how_to_go_on(), _lock(request) as lock, RunLog(target, request) as log:
         check_platform(request)
         if lock.is_alone:
-            facts, files = facts_of(config, robot), carried.packed(config)
+            facts, files = facts_of(config, robot), embedded_assets.packed(config)
             prepare_store(path, config, len(robot.arm_joints), request.n, facts, carried=files)
             lock.share()
         plan = _plan(request)
@@ -162,33 +159,6 @@ def generate(
         if lock.try_alone():
             pack(path)
         return _summary(request, plan, time.monotonic() - start)
-
-
-def check_names(config: FactoryConfig) -> RobotModel:
-    """Check every name in a config against its table, with its settings; return the robot.
-
-    Raises:
-        UnknownNameError: naming the kind, the nearest and all valid names.
-        ConfigError: naming a policy's setting, or what the robot cannot do.
-        UsageError: if a trained model cannot be loaded.
-    """
-    for name in {**config.policies, **config.policy_parameters}:
-        lookup(POLICIES, "policy", name).settings(config.policy_parameters.get(name, {}))
-    for sha256 in config.models.values():
-        find_model(sha256)
-    for object_set, weight in config.object_sets.items():
-        found = find_set(object_set, config.object_folders.get(object_set, ""))
-        if weight:
-            check_splits(found, config.object_splits)
-    for folder in config.object_folders:
-        ok = folder not in OBJECT_SETS and folder in config.object_sets
-        valid = "a set of object_sets that is none of those that are shipped"
-        check(ok, "object_folders", folder, valid)
-    robot = lookup(ROBOTS, "robot", config.robot)
-    (low, high), force = robot.gripper.force_range, config.motion.grip_force
-    valid = f"{low:g} to {high:g} N, which is what the gripper of {robot.name} can do"
-    check(low <= force <= high, "motion.grip_force", force, valid)
-    return robot
 
 
 def facts_of(config: FactoryConfig, robot: RobotModel) -> dict[str, Any]:
@@ -221,7 +191,7 @@ def _lock(request: Request) -> StoreLock | ShardLock:
     return ShardLock(request.out, shard.index % shard.count, shard.count)
 
 
-def _plan(request: Request) -> Plan:
+def _plan(request: Request) -> RunPlan:
     length, size = len(Dataset.open(request.out)), request.config.block_size
     if length < request.n:
         raise StoreBusyError(
@@ -232,7 +202,7 @@ def _plan(request: Request) -> Plan:
     part = rows_of(request)
     wanted = np.intersect1d(missing, part, assume_unique=True)
     blocks = np.unique(wanted // size)
-    return Plan(
+    return RunPlan(
         path=request.out,
         config=request.config,
         episodes=length,
@@ -244,7 +214,7 @@ def _plan(request: Request) -> Plan:
     )
 
 
-def _summary(request: Request, plan: Plan, seconds: float) -> Summary:
+def _summary(request: Request, plan: RunPlan, seconds: float) -> Summary:
     rows, columns = rows_of(request), Columns.open(request.out)
     bad = rows[columns.read("status")["status"][rows] == QUARANTINED]
     reasons = {int(i): str(columns.read_rows("error", i, i + 1)[0]) for i in bad}

@@ -18,15 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory import carried
-from grasp_factory.blocks import Begun, BlockJob, BlockMaker, Committed, Made
-from grasp_factory.dataset import Dataset
-from grasp_factory.executors import Executor, Report
-from grasp_factory.factory import check_names, facts_of
-from grasp_factory.request import Request
-from grasp_factory.summary import StoreSummary, summarise
-from grasp_factory.writers.files import cannot_write, locate
-from grasp_factory.writers.store import prepare_store
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import StoreSummary, summarise
+from grasp_factory.factory import embedded_assets
+from grasp_factory.factory.block_job import Begun, BlockJob, BlockMaker, Committed, Made
+from grasp_factory.factory.executors import Executor, SendMessage
+from grasp_factory.factory.generate import facts_of
+from grasp_factory.factory.name_check import check_names
+from grasp_factory.factory.run_request import Request
+from grasp_factory.writers.zarr.files import cannot_write, locate
+from grasp_factory.writers.zarr.store import prepare_store
 
 ENOUGH = 0.05
 """Pilots end when the standard error of the predicted time is below this share of it: three times
@@ -52,7 +53,7 @@ class Pilot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flight:
+class PilotResult:
     """What came of the pilots. Seconds are those a run pays once, whatever its length."""
 
     pilots: tuple[Pilot, ...]
@@ -66,13 +67,13 @@ class Flight:
     store: StoreSummary
 
 
-def fly(
+def run_pilot_blocks(
     request: Request,
     executor: Executor,
     length: int,
     sizes: Mapping[int, int],
     on_episode: Callable[[Made], None],
-) -> Flight:
+) -> PilotResult:
     """Make blocks of a run, drawn from all over it, until they say enough.
 
     As many workers as asked are at it, beside the run's own store, so that what they cost each
@@ -96,7 +97,7 @@ def fly(
     with _place_beside(request.out) as place:
         store, begun = place / "pilots.zarr", time.monotonic()
         robot = check_names(config)
-        facts, files = facts_of(config, robot), carried.packed(config)
+        facts, files = facts_of(config, robot), embedded_assets.packed(config)
         prepare_store(store, config, len(robot.arm_joints), length, facts, carried=files)
         prepared = time.monotonic()
         empty_bytes = summarise(Dataset.open(store)).bytes
@@ -113,7 +114,7 @@ def fly(
         with contextlib.closing(BlockMaker(config, store)) as make:
             task = functools.partial(_make_pilot, make=make, enough=place / _ENOUGH_MARK)
             executor.run(task, drawn, hear)
-        return Flight(
+        return PilotResult(
             pilots=tuple(pilots),
             prepare_seconds=prepared - begun,
             start_seconds=_mean_start(pilots) - called,
@@ -146,7 +147,7 @@ def is_enough(pilots: Sequence[Pilot], to_make: int) -> bool:
     return made >= FEWEST and relative_error(pilots, to_make) < ENOUGH
 
 
-def _make_pilot(block: int, report: Report, *, make: BlockMaker, enough: Path) -> None:
+def _make_pilot(block: int, report: SendMessage, *, make: BlockMaker, enough: Path) -> None:
     """Make a block unless there are enough; runs in a worker."""
     if enough.exists():
         return

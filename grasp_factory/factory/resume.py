@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.blocks import rows_of
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.platforms import ACCEPT, difference, fingerprint_of
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, StoreMismatchError
-from grasp_factory.fingerprint import fingerprint
-from grasp_factory.platforms import ACCEPT, difference, fingerprint_of
-from grasp_factory.replay import changed_versions
-from grasp_factory.request import Request
-from grasp_factory.writers.files import locate
-from grasp_factory.writers.store import missing_rows
+from grasp_factory.factory.block_job import rows_of
+from grasp_factory.factory.run_request import Request
+from grasp_factory.simulation.fingerprint import fingerprint
+from grasp_factory.writers.zarr.files import locate
+from grasp_factory.writers.zarr.made_with import changed_versions
+from grasp_factory.writers.zarr.store import missing_rows
 
 
 def check_platform(request: Request) -> None:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from grasp_factory.blocks import Begun, BlockJob, Committed, Made
 from grasp_factory.errors import FailuresError, WorkerError
+from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made
 
 TRIES = 2
 """Of an episode. One is not enough: whoever kills a worker, or fills the memory, would decide what

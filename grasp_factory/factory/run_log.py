@@ -18,8 +18,8 @@ from typing import Any
 
 from grasp_factory import __version__
 from grasp_factory.errors import GraspFactoryWarning
-from grasp_factory.request import Request
-from grasp_factory.writers.files import cannot_write
+from grasp_factory.factory.run_request import Request
+from grasp_factory.writers.zarr.files import cannot_write
 
 
 class RunLog:

@@ -15,13 +15,13 @@ from typing import Any
 
 import yaml
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.physics import PHYSICS_PRESETS
+from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
+from grasp_factory.core.config.yaml_loader import parse_yaml
+from grasp_factory.core.serialization import check, check_range, is_integer, sections_of, to_plain
 from grasp_factory.errors import ConfigError, lookup, nearest, shown
-from grasp_factory.randomize import RANDOMIZE_PRESETS
-from grasp_factory.records import check, check_range, is_integer, sections_of, to_plain
-from grasp_factory.stepping import PHYSICS_PRESETS
-from grasp_factory.yamltext import parse_yaml
 
 MAX_EPISODES = 1_000_000
 MAX_WORKERS = 512

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, quat_xyzw_to_matrix
-from grasp_factory.labels import Streams, target_com, touching
-from grasp_factory.linear import norm, turned, turned_back
-from grasp_factory.outcome import Label, Phase
+from grasp_factory.core.enums import Label, Phase
+from grasp_factory.core.episode import Streams
+from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix
+from grasp_factory.core.linear import norm, turned, turned_back
+from grasp_factory.labels.rule import target_com, touching
 
 Indices = NDArray[np.signedinteger[Any]]
 

@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.balance import force_residual
-from grasp_factory.episode import CameraFrames, Episode
-from grasp_factory.geometry import Array
-from grasp_factory.outcome import Label
+from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import CameraFrames, Episode
+from grasp_factory.core.geometry import Array
+from grasp_factory.labels.force_balance import force_residual
 
 LUMA = np.array([[0.299, 0.587, 0.114]])
 """Shares of red, green and blue in a grey value (ITU-R BT.601)."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from grasp_factory.thresholds import BEST, WORST, QualityConfig
+from grasp_factory.core.config.quality import BEST, WORST, QualityConfig
 
 __all__ = [
     "BEST",

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, apply, inverse, pose_matrices, rotation_vector
-from grasp_factory.linear import length, norm, product, turned
-from grasp_factory.outcome import Label, Outcome, Phase
-from grasp_factory.sections import LabelConfig
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.enums import Label, Outcome, Phase
+from grasp_factory.core.episode import Streams
+from grasp_factory.core.geometry import Array, apply, inverse, pose_matrices, rotation_vector
+from grasp_factory.core.linear import length, norm, product, turned
 
 FELL_OFF = -0.05
 """Metres: a centre of mass this far below the table top has left the table."""
-
-Streams = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,11 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from grasp_factory.core.geometry import IDENTITY, Array, Pose, Vector3
+from grasp_factory.core.splits import split_of
 from grasp_factory.errors import lookup
-from grasp_factory.geometry import IDENTITY, Array, Pose
-from grasp_factory.splits import split_of
-
-Vector3 = tuple[float, float, float]
 
 MAX_PARTS = 16
 """Collision parts of a compound; with more, PyBullet 3.2.7 crashes the process."""

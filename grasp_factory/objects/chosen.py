@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 import numpy as np
 
+from grasp_factory.core.splits import SPLITS
 from grasp_factory.errors import ConfigError, RecipeError
 from grasp_factory.objects.base import FiniteSet, ObjectModel, ObjectSet
-from grasp_factory.splits import SPLITS
 
 TRIES = 500
 """Draws for an object of a split: those that hold a tenth are missed once in 10 to the 23."""

@@ -6,7 +6,8 @@ collides as if it were full; the procedural ones are hollow.
 
 from __future__ import annotations
 
-from grasp_factory.objects.base import FiniteSet, ObjectModel, UrdfFile, Vector3
+from grasp_factory.core.geometry import Vector3
+from grasp_factory.objects.base import FiniteSet, ObjectModel, UrdfFile
 
 
 def _model(

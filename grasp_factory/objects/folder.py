@@ -8,20 +8,12 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from grasp_factory.cache import cache_dir, is_digest, read_checked
+from grasp_factory.core.cache import cache_dir, is_digest, read_checked
+from grasp_factory.core.geometry import Pose, QuatXyzw, Vector3
+from grasp_factory.core.serialization import check, check_range, from_plain, to_plain
 from grasp_factory.errors import ConfigError, shown
-from grasp_factory.geometry import Pose
-from grasp_factory.objects.base import (
-    MAX_PARTS,
-    PRIMITIVES,
-    Compound,
-    FiniteSet,
-    ObjectModel,
-    Part,
-    Vector3,
-)
+from grasp_factory.objects.base import MAX_PARTS, PRIMITIVES, Compound, FiniteSet, ObjectModel, Part
 from grasp_factory.objects.folder_cache import manifest_path, mesh_path
-from grasp_factory.records import check, check_range, from_plain, to_plain
 
 FORMAT = 1
 """Version of the manifest."""
@@ -29,18 +21,17 @@ MAX_PRIMITIVES = MAX_PARTS - 1
 """Beside the one part that the mesh file is."""
 MAX_REACH = 2.0
 """Metres from an object's origin to anything of it."""
-Quaternion = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Solid:
+class ConvexPart:
     """A primitive of an object."""
 
     shape: str
     size: Vector3
     """As in ``Part``."""
     position: Vector3
-    quat_xyzw: Quaternion
+    quat_xyzw: QuatXyzw
 
     def __post_init__(self) -> None:
         check(self.shape in PRIMITIVES, "shape", self.shape, ", ".join(PRIMITIVES))
@@ -56,7 +47,7 @@ class Geometry:
     lower: Vector3
     upper: Vector3
     com: Vector3
-    axes_xyzw: Quaternion
+    axes_xyzw: QuatXyzw
     """The principal axes."""
     gyration_squared: Vector3
     """As in ``Compound``."""
@@ -64,7 +55,7 @@ class Geometry:
     """SHA-256 of the OBJ file with the convex parts; empty where there are primitives only."""
     visual: str = ""
     """SHA-256 of the OBJ file that is seen; empty where the primitives are."""
-    solids: tuple[Solid, ...] = ()
+    solids: tuple[ConvexPart, ...] = ()
     hulls: int = 0
     """Convex parts in the collision file."""
 
@@ -225,7 +216,7 @@ def _check_reach(key: str, point: Vector3) -> None:
     check(all(abs(v) <= MAX_REACH for v in point), key, point, f"within {MAX_REACH} m")
 
 
-def _check_unit(key: str, quaternion: Quaternion) -> None:
+def _check_unit(key: str, quaternion: QuatXyzw) -> None:
     ok = abs(sum(v * v for v in quaternion) - 1.0) < 2e-6
     check(ok, key, quaternion, "a unit quaternion")
 

@@ -6,7 +6,7 @@ import io
 import re
 import zipfile
 
-from grasp_factory.cache import cache_dir, digest, read_checked, write
+from grasp_factory.core.cache import cache_dir, digest, read_checked, write
 from grasp_factory.errors import ConfigError, StoreError
 from grasp_factory.objects.folder import MAX_REACH, Manifest, read_manifest
 from grasp_factory.objects.folder_cache import manifest_path, mesh_path

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.geometry import Array
-from grasp_factory.objects.obj_file import Corner, Face, Solid, obj_text
+from grasp_factory.core.geometry import Array
+from grasp_factory.objects.obj_file import Corner, Face, Polyhedron, obj_text
 from grasp_factory.objects.unit_meshes import (
     ARCH_PERCENT,
     ASSETS,
@@ -65,7 +65,7 @@ def _spans(sides: int) -> list[Span]:
     return [(i / sides, (i + 1) / sides) for i in range(sides)]
 
 
-def _loft(bottom: Array, top: Array, spans: Sequence[Span] | None = None) -> Solid:
+def _loft(bottom: Array, top: Array, spans: Sequence[Span] | None = None) -> Polyhedron:
     """Return the solid between two outlines (n, 2), counter-clockwise, at z of -0.5 and 0.5.
 
     Args:
@@ -107,7 +107,7 @@ def _rounded(flat: Array, point: Array) -> Array:
     return np.array([*(np.sign(along) * np.hypot(*flat[:2]) * radial), flat[2]])
 
 
-def _ring(ratio: float) -> list[Solid]:
+def _ring(ratio: float) -> list[Polyhedron]:
     """Return a ring as convex wedges."""
     outer = _polygon(WEDGES)
     wedges = []
@@ -117,7 +117,7 @@ def _ring(ratio: float) -> list[Solid]:
     return wedges
 
 
-def _arch(ratio: float) -> list[Solid]:
+def _arch(ratio: float) -> list[Polyhedron]:
     """Return the half of a ring at positive x, stretched to the unit box."""
     wedges = _ring(ratio)
     quarter = WEDGES // 4
@@ -132,7 +132,7 @@ def _stretched(corner: Corner) -> Corner:
     return dataclasses.replace(corner, position=(2.0 * x - 0.5, y, z))
 
 
-def _ball(meridians: int, bands: int) -> Solid:
+def _ball(meridians: int, bands: int) -> Polyhedron:
     """Return a sphere; its texture is a map of longitude and latitude."""
     faces: list[Face] = []
     for i in range(bands):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.geometry import Array
+from grasp_factory.core.geometry import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +24,11 @@ class Corner:
 
 Face = Sequence[Corner]
 """A flat polygon, counter-clockwise as seen from outside."""
-Solid = Sequence[Face]
+Polyhedron = Sequence[Face]
 """A closed convex polyhedron; it becomes one ``o`` group."""
 
 
-def obj_text(solids: Sequence[Solid]) -> str:
+def obj_text(solids: Sequence[Polyhedron]) -> str:
     """Return the OBJ text of some solids, each value once."""
     tables: dict[str, dict[str, int]] = {"v": {}, "vt": {}, "vn": {}}
     groups = []

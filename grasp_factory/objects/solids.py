@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.geometry import Array, Pose, apply, quat_xyzw_to_matrix, transform
-from grasp_factory.linear import determinant, length, norm, product, turned
-from grasp_factory.objects.base import Compound, Part, Vector3
+from grasp_factory.core.geometry import Array, Pose, Vector3, apply, quat_xyzw_to_matrix, transform
+from grasp_factory.core.linear import determinant, length, norm, product, turned
+from grasp_factory.objects.base import Compound, Part
 from grasp_factory.objects.obj_file import triangles
 
 MAX_SWEEPS = 20

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grasp_factory.geometry import Pose, apply
+from grasp_factory.core.geometry import Pose, apply
 from grasp_factory.objects.base import PRIMITIVES, Compound, Part
 from grasp_factory.objects.unit_meshes import mesh_file
 

@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.elementary import arccos, arctan2, sincos
-from grasp_factory.episode import Grasp, GraspPlan, SceneView
-from grasp_factory.geometry import Array, apply, inverse, rotation_about, transform
-from grasp_factory.linear import length, norm, turned
+from grasp_factory.core.elementary import arccos, arctan2, sincos
+from grasp_factory.core.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.core.geometry import Array, apply, inverse, rotation_about, transform
+from grasp_factory.core.linear import length, norm, turned
+from grasp_factory.core.serialization import check_range
 from grasp_factory.policies.base import Policy
 from grasp_factory.policies.clearance import is_hit, off_the_table, open_gripper
 from grasp_factory.policies.closing import Grip, close_on
 from grasp_factory.policies.contacts import antipodal_pairs
-from grasp_factory.policies.solid import Columns, object_points
+from grasp_factory.policies.solid import SolidColumns, object_points
 from grasp_factory.policies.surface import Surface, joined, outline, seen_surface, walls_below
 from grasp_factory.policies.top_down import TOP_DOWN, TopDownParameters
-from grasp_factory.records import check_range
 
 CONTACTS = 150
 """Contacts that are tried on the visible surface, and as many on the walls below its outline."""
@@ -112,8 +112,8 @@ class _Scene:
         if not len(known):
             return None
         walls = walls_below(edge)
-        obstacles = Columns.under(object_points(view)).points()
-        return cls(view, settings, seen, walls, obstacles, Columns.under(known).centroid())
+        obstacles = SolidColumns.under(object_points(view)).points()
+        return cls(view, settings, seen, walls, obstacles, SolidColumns.under(known).centroid())
 
     def grasps(self) -> Iterator[Grasp]:
         """Yield one grasp for each pair of contacts that the open gripper can get at."""

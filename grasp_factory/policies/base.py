@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import deproject_pixels
-from grasp_factory.elementary import sincos
-from grasp_factory.episode import GraspPlan, SceneView
+from grasp_factory.core.camera import deproject_pixels
+from grasp_factory.core.elementary import sincos
+from grasp_factory.core.episode import GraspPlan, SceneView
+from grasp_factory.core.geometry import Array, apply, transform
+from grasp_factory.core.serialization import from_plain
 from grasp_factory.errors import ConfigError
-from grasp_factory.geometry import Array, apply, transform
-from grasp_factory.records import from_plain
 
 TIP_CLEARANCE = 0.005
 """Metres that planned fingertips stay above the table."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.elementary import sincos
-from grasp_factory.geometry import Array
-from grasp_factory.gripper import Gripper
+from grasp_factory.core.elementary import sincos
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.gripper import Gripper
 from grasp_factory.policies.base import TIP_CLEARANCE, downward
 from grasp_factory.policies.top_down import grasp_height
 

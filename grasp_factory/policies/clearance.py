@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from grasp_factory.geometry import Array
-from grasp_factory.gripper import Gripper
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.gripper import Gripper
 from grasp_factory.policies.base import TIP_CLEARANCE
 
 PALM_BREADTH = 0.064

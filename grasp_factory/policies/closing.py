@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.elementary import arccos
-from grasp_factory.geometry import Array, apply, inverse
-from grasp_factory.gripper import Gripper
-from grasp_factory.linear import norm, turned_back
+from grasp_factory.core.elementary import arccos
+from grasp_factory.core.geometry import Array, apply, inverse
+from grasp_factory.core.gripper import Gripper
+from grasp_factory.core.linear import norm, turned_back
 from grasp_factory.policies.surface import Surface
 
 PATCH_DEPTH = 0.003

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.elementary import arccos, arctan2, sincos
-from grasp_factory.geometry import Array
-from grasp_factory.linear import length, norm
+from grasp_factory.core.elementary import arccos, arctan2, sincos
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.linear import length, norm
 from grasp_factory.policies.surface import Surface
 
 CELL = 0.008

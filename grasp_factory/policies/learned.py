@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.cache import is_digest
-from grasp_factory.episode import Grasp, GraspPlan, SceneView
-from grasp_factory.geometry import Array, apply, inverse
-from grasp_factory.models import find_model
-from grasp_factory.networks import GraspModel, grasp_inputs
+from grasp_factory.core.cache import is_digest
+from grasp_factory.core.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.core.geometry import Array, apply, inverse
+from grasp_factory.core.serialization import check, check_range
 from grasp_factory.policies.base import Policy, target_points, visible_points
 from grasp_factory.policies.candidates import Candidates, Region, draw_fitted, draw_open
 from grasp_factory.policies.clearance import is_hit, open_gripper
+from grasp_factory.policies.model_registry import find_model
+from grasp_factory.policies.networks import GraspModel, grasp_inputs
 from grasp_factory.policies.top_down import CLEARANCE, OFFSETS, THINNING, TopDownParameters
-from grasp_factory.records import check, check_range
 
 PREFERENCES: Mapping[str, Callable[[Array], Array]] = {
     "best": np.negative,

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.episode import GraspPlan, SceneView
+from grasp_factory.core.episode import GraspPlan, SceneView
+from grasp_factory.core.serialization import check, to_plain
 from grasp_factory.policies.base import Policy, inner_settings
 from grasp_factory.policies.direct import DIRECT
 from grasp_factory.policies.perturbed import PERTURBED
-from grasp_factory.records import check, to_plain
 
 PARTS: Mapping[str, Policy] = {**DIRECT, PERTURBED.name: PERTURBED}
 """What may be mixed."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from grasp_factory.cache import cache_dir, digest, is_digest, read_checked, write
+from grasp_factory.core.cache import cache_dir, digest, is_digest, read_checked, write
+from grasp_factory.core.optional import require
 from grasp_factory.errors import ConfigError, UsageError, shown
-from grasp_factory.networks import GraspModel, load_model, require
+from grasp_factory.policies.networks import GraspModel, load_model
 
 MAX_BYTES = 2**30
 """Of a model's file."""
@@ -22,7 +23,7 @@ def import_model(file: Path) -> str:
         UsageError: if it cannot be read, or is no model that can rank grasps, or what loads it is
             not installed.
     """
-    require("torch", "safetensors")
+    require("torch", "safetensors", extra="train")
     try:
         with file.open("rb") as opened:
             data = opened.read(MAX_BYTES + 1)

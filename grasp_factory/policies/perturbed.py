@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.elementary import normal
-from grasp_factory.episode import Grasp, GraspPlan, SceneView
-from grasp_factory.geometry import rotation_about
-from grasp_factory.gripper import Gripper
-from grasp_factory.linear import length, product
+from grasp_factory.core.elementary import normal
+from grasp_factory.core.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.core.geometry import rotation_about
+from grasp_factory.core.gripper import Gripper
+from grasp_factory.core.linear import length, product
+from grasp_factory.core.serialization import check, check_range, to_plain
 from grasp_factory.policies.base import Policy, inner_settings
 from grasp_factory.policies.clearance import off_the_table
 from grasp_factory.policies.direct import DIRECT
-from grasp_factory.records import check, check_range, to_plain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

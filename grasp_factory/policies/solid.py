@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.episode import SceneView
-from grasp_factory.geometry import Array
-from grasp_factory.outcome import Label
+from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import SceneView
+from grasp_factory.core.geometry import Array
 from grasp_factory.policies.base import visible_points
 
 CELL = 0.004
@@ -18,7 +18,7 @@ LEVEL = 0.010
 
 
 @dataclass(frozen=True, slots=True)
-class Columns:
+class SolidColumns:
     """Square columns from the table to the highest point that is seen above their middle."""
 
     xy: Array
@@ -27,7 +27,7 @@ class Columns:
     """(K,) metres."""
 
     @classmethod
-    def under(cls, points: Array) -> Columns:
+    def under(cls, points: Array) -> SolidColumns:
         """Return the columns under points (N, 3)."""
         if not len(points):
             return cls(np.zeros((0, 2)), np.zeros(0))

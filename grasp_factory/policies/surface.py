@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import deproject
-from grasp_factory.episode import CameraImage, SceneView
-from grasp_factory.geometry import Array, apply
-from grasp_factory.linear import norm, turned, turned_back
+from grasp_factory.core.camera import deproject
+from grasp_factory.core.episode import CameraImage, SceneView
+from grasp_factory.core.geometry import Array, apply
+from grasp_factory.core.linear import norm, turned, turned_back
 
 BASELINE = 2
 """Pixels to either side over which a surface is differentiated."""

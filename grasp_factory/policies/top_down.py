@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.elementary import sincos
-from grasp_factory.episode import Grasp, GraspPlan, SceneView
-from grasp_factory.geometry import Array, apply, inverse, transform
-from grasp_factory.gripper import Gripper
+from grasp_factory.core.elementary import sincos
+from grasp_factory.core.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.core.geometry import Array, apply, inverse, transform
+from grasp_factory.core.gripper import Gripper
+from grasp_factory.core.serialization import check_range
 from grasp_factory.policies.base import (
     TIP_CLEARANCE,
     Policy,
@@ -18,7 +19,6 @@ from grasp_factory.policies.base import (
     visible_points,
 )
 from grasp_factory.policies.clearance import is_hit, open_gripper
-from grasp_factory.records import check_range
 
 YAWS = 24
 """Closing directions that are tried, 7.5 degrees apart over half a turn."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.core.episode import Grasp, GraspPlan, SceneView
+from grasp_factory.core.serialization import check_range
 from grasp_factory.policies.base import TIP_CLEARANCE, Policy, looking_down, target_points
-from grasp_factory.records import check_range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

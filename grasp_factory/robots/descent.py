@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp_factory.geometry import Array
-from grasp_factory.kinematics import Chain
-from grasp_factory.linear import norm, product, solve_definite
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.linear import norm, product, solve_definite
+from grasp_factory.robots.kinematics import Chain
 
 POSITION_TOLERANCE = 1e-6
 """A posture solves a pose when its tip is at most this far off, in metres."""

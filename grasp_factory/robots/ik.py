@@ -11,7 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grasp_factory.descent import (
+from grasp_factory.core.elementary import arctan2
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.linear import length
+from grasp_factory.robots.descent import (
     POSITION_TOLERANCE,
     Descent,
     damped_step,
@@ -19,10 +22,7 @@ from grasp_factory.descent import (
     pose_errors,
     squares_of,
 )
-from grasp_factory.elementary import arctan2
-from grasp_factory.geometry import Array
-from grasp_factory.kinematics import Chain
-from grasp_factory.linear import length
+from grasp_factory.robots.kinematics import Chain
 
 SAME_SOLUTION = 0.1
 """Postures whose joints all agree to this many rad count as one solution."""

@@ -13,15 +13,15 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grasp_factory.elementary import arctan2, sincos
-from grasp_factory.geometry import (
+from grasp_factory.core.elementary import arctan2, sincos
+from grasp_factory.core.geometry import (
     Array,
     inverse,
     rotation_about,
     rotation_of_rpy,
     transform,
 )
-from grasp_factory.linear import length, product
+from grasp_factory.core.linear import length, product
 
 
 @dataclass(frozen=True, eq=False)

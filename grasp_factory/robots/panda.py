@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from grasp_factory.gripper import Gripper
+from grasp_factory.core.gripper import Gripper
 from grasp_factory.robots.base import RobotModel
 
 PANDA = RobotModel(

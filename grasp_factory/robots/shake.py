@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from grasp_factory.elementary import sincos
-from grasp_factory.geometry import Array
-from grasp_factory.kinematics import Chain
-from grasp_factory.linear import product, solve_definite
-from grasp_factory.motion import Trajectory
-from grasp_factory.sections import SHORTEST_CYCLE, STANDARD_GRAVITY, ShakeConfig
+from grasp_factory.core.config.sections import SHORTEST_CYCLE, STANDARD_GRAVITY, ShakeConfig
+from grasp_factory.core.elementary import sincos
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.linear import product, solve_definite
+from grasp_factory.robots.kinematics import Chain
+from grasp_factory.robots.trajectory import Trajectory
 
 _DAMPING = 1e-10
 """Of the inverse Jacobian, as in ``ik``: it bounds the joints where the arm is singular."""

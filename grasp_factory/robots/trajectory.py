@@ -8,18 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.episode import Grasp
-from grasp_factory.geometry import Array
-from grasp_factory.ik import ik_solutions, solve_each, track_path
-from grasp_factory.kinematics import Chain
-from grasp_factory.linear import length
-from grasp_factory.sections import (
+from grasp_factory.core.config.sections import (
     MAX_STRETCH,
     MAX_TRANSFER_S,
     PEAK_OVER_MEAN,
     SHORTEST_MOTION_S,
     MotionConfig,
 )
+from grasp_factory.core.episode import Grasp
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.linear import length
+from grasp_factory.robots.ik import ik_solutions, solve_each, track_path
+from grasp_factory.robots.kinematics import Chain
 
 WAYPOINT_SPACING = 0.01
 """Metres between IK solutions on a straight segment. Interpolated between them, the TCP of either

@@ -10,20 +10,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.camera import Light
-from grasp_factory.elementary import exp, log, sincos
-from grasp_factory.geometry import look_at, rotation_about
-from grasp_factory.linear import turned
-from grasp_factory.looks import Color, SurfaceLook, Surroundings
-from grasp_factory.randomize import (
+from grasp_factory.core.appearance import Color, SurfaceAppearance, Surroundings
+from grasp_factory.core.camera import Light
+from grasp_factory.core.config.randomization import (
     BodyRange,
     CameraJitter,
     ColorRange,
     GripperRange,
     LooksConfig,
 )
-from grasp_factory.sections import CameraConfig, MotionConfig, Mount
-from grasp_factory.textures import TEXTURES
+from grasp_factory.core.config.sections import CameraConfig, MotionConfig, Mount
+from grasp_factory.core.elementary import exp, log, sincos
+from grasp_factory.core.geometry import look_at, rotation_about
+from grasp_factory.core.linear import turned
+from grasp_factory.core.textures import TEXTURES
 
 HAND_SHARE = 0.1
 """Share of the cameras' jitter that those on the hand get, as they are screwed to it and look at
@@ -126,10 +126,10 @@ def _moved(jitter: CameraJitter, camera: CameraConfig, rng: np.random.Generator)
 
 
 def _surface(
-    own: SurfaceLook, colors: ColorRange, textured: float, rng: np.random.Generator
-) -> SurfaceLook:
+    own: SurfaceAppearance, colors: ColorRange, textured: float, rng: np.random.Generator
+) -> SurfaceAppearance:
     color, texture = _color(colors, rng), _texture(textured, rng)
-    return SurfaceLook(color=own.color if color is None else color, texture=texture)
+    return SurfaceAppearance(color=own.color if color is None else color, texture=texture)
 
 
 def _color(colors: ColorRange, rng: np.random.Generator) -> Color | None:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.elementary import normal, sincos
-from grasp_factory.geometry import Array, Pose, quat_xyzw_to_matrix
-from grasp_factory.linear import norm, turned
-from grasp_factory.sections import WorkspaceConfig
+from grasp_factory.core.config.sections import WorkspaceConfig
+from grasp_factory.core.elementary import normal, sincos
+from grasp_factory.core.geometry import Array, Pose, quat_xyzw_to_matrix
+from grasp_factory.core.linear import norm, turned
 
 GAP = 0.01
 """Metres between the bounding boxes of objects that are let go together."""

@@ -8,14 +8,13 @@ from enum import IntEnum
 
 import numpy as np
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import EpisodeSpec, ObjectSpec
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import EpisodeSpec, ObjectSpec
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import lookup
 from grasp_factory.objects import ObjectModel, draw_of, find_set
-from grasp_factory.placement import Placed, place_around, place_target
 from grasp_factory.policies import POLICIES
-from grasp_factory.records import to_plain
-from grasp_factory.variation import (
+from grasp_factory.sampling.domain_randomization import (
     BodyDraw,
     draw_body,
     draw_cameras,
@@ -23,6 +22,7 @@ from grasp_factory.variation import (
     draw_object_look,
     draw_surroundings,
 )
+from grasp_factory.sampling.placement import Placed, place_around, place_target
 
 NEIGHBOR_TRIES = 200
 """Draws for an object of a split: those that hold a tenth are missed once in a thousand million."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from grasp_factory.signals.imu_noise import BMI088, ImuNoise, ImuReading, TriadNoise, bmi088
 from grasp_factory.signals.imu_noise import apply as apply_imu_noise
-from grasp_factory.signals.sets import TimeSets, approximate_time
+from grasp_factory.signals.sample_sets import TimeSets, approximate_time
 from grasp_factory.signals.timeline import Aligned, interpolate_poses, linear, nearest, slerp
 from grasp_factory.signals.touch import (
     center_of_pressure,

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import project
-from grasp_factory.episode import CameraImage
-from grasp_factory.geometry import Array, inverse
-from grasp_factory.linear import product, turned_back
-from grasp_factory.records import check, check_range, is_integer
+from grasp_factory.core.camera import project
+from grasp_factory.core.episode import CameraImage
+from grasp_factory.core.geometry import Array, inverse
+from grasp_factory.core.linear import product, turned_back
+from grasp_factory.core.serialization import check, check_range, is_integer
 
 GLANCE = 1.7
 """How much farther apart pixels lie on a table that is seen at 37 degrees, as by `front`."""

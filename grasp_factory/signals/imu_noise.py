@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grasp_factory.core.config.sections import STANDARD_GRAVITY
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array
-from grasp_factory.sections import STANDARD_GRAVITY
 
 _Triple = tuple[float, float, float]
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array
-from grasp_factory.labels import target_com
-from grasp_factory.outcome import Phase, names
+from grasp_factory.core.enums import Phase, names
+from grasp_factory.core.geometry import Array
+from grasp_factory.labels.rule import target_com
 from grasp_factory.signals.touch import contact_values
 
 Series = Mapping[str, NDArray[Any]]

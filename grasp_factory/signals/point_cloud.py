@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import deproject_pixels
-from grasp_factory.episode import CameraImage
+from grasp_factory.core.camera import deproject_pixels
+from grasp_factory.core.enums import Label, label_names
+from grasp_factory.core.episode import CameraImage
+from grasp_factory.core.geometry import Array, apply
 from grasp_factory.errors import lookup
-from grasp_factory.geometry import Array, apply
-from grasp_factory.outcome import Label, label_names
 
 FRAMES: Mapping[str, str] = {
     "world": "the robot's base; z = 0 is the table top",

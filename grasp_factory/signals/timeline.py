@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array
 
 Ticks = NDArray[np.int64]
 _NS = 1e9

@@ -7,16 +7,12 @@ TCP frame's: neither image is mirrored.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from grasp_factory.core.episode import Streams
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.geometry import Array
-
-Streams = Mapping[str, NDArray[Any]]
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array, quat_xyzw_to_matrix
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s2 in the world: the default of ``PhysicsConfig.gravity``."""

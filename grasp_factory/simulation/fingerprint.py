@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import elementary, geometry, linear
-from grasp_factory.camera import Camera, Intrinsics, Light
-from grasp_factory.config import FactoryConfig
-from grasp_factory.geometry import Pose
-from grasp_factory.networks.known import known_log_odds
-from grasp_factory.platforms import Fingerprint
-from grasp_factory.renderer import Renderer
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.world import DATA, World
+from grasp_factory.core import elementary, geometry, linear
+from grasp_factory.core.camera import Camera, Intrinsics, Light
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.geometry import Pose
+from grasp_factory.core.platforms import Fingerprint
+from grasp_factory.core.renderer import Renderer
+from grasp_factory.policies.networks.known import known_log_odds
+from grasp_factory.simulation.world import DATA, World
 
 PHYSICS = PhysicsConfig(free_hz=240, solver_iterations=50, gravity=9.81)
 """Not the defaults, which may change."""

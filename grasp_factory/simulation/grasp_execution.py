@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.motion import GraspMotion, JointSegment, Trajectory, sample
-from grasp_factory.outcome import Phase
-from grasp_factory.scene import Scene, look
-from grasp_factory.sections import CLOSING_SETTLE_S
-from grasp_factory.sensors import SENSORS, Tick, Video, WristImu
-from grasp_factory.shaking import plan_shake
-from grasp_factory.stepping import Stepping
-from grasp_factory.world import Row, wake
+from grasp_factory.core.config.physics import Stepping
+from grasp_factory.core.config.sections import CLOSING_SETTLE_S
+from grasp_factory.core.enums import Phase
+from grasp_factory.robots.shake import plan_shake
+from grasp_factory.robots.trajectory import GraspMotion, JointSegment, Trajectory, sample
+from grasp_factory.simulation.scene import Scene, render_cameras
+from grasp_factory.simulation.sensors import SENSORS, Tick, VideoRecorder, WristImu
+from grasp_factory.simulation.world import EngineRow, wake
 
 STALLED_SPEED = 0.001
 """m/s: fingers slower than this have come to rest."""
@@ -44,7 +44,7 @@ class Attempt:
         self._joint_targets: Sequence[float] = list(scene.robot.model.home)
         self._width_target = scene.robot.model.gripper.max_width
         self._shake_level = 0.0
-        self._video = Video(lambda: look(scene))
+        self._video = VideoRecorder(lambda: render_cameras(scene))
         self._imu = WristImu(scene.world, scene.robot, physics.gravity)
         self.table_penetration = 0.0
         """Deepest overlap of the robot and the table at any record, metres."""
@@ -211,7 +211,7 @@ class Attempt:
         for sensor in self._sensors:
             sensor.sample(tick)
 
-    def _watch_table(self, contacts: Iterable[Row]) -> None:
+    def _watch_table(self, contacts: Iterable[EngineRow]) -> None:
         """Note how deep the robot is in the table at this record; its foot stands there."""
         robot = self._scene.robot.body
         for c in contacts:

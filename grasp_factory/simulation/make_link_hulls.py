@@ -1,4 +1,4 @@
-"""How the arm's collision hulls are made: ``python -m grasp_factory.robots.make_link_hulls``.
+"""How the arm's collision hulls are made: ``python -m grasp_factory.simulation.make_link_hulls``.
 
 Loading the convex hulls of the iiwa's own meshes (7,500 points) took four fifths of building a
 scene, at every episode (issue 5). What they are for, contacts of the arm on its way, a millimetre
@@ -7,15 +7,14 @@ does not change: that is also the margin that the engine puts around each of the
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from grasp_factory.geometry import Array
-from grasp_factory.world import DATA
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.package_files import folder_of
+from grasp_factory.simulation.world import DATA
 
 MESHES = DATA / "kuka_iiwa" / "meshes"
-HULLS = Path(__file__).parent / "assets"
+HULLS = folder_of("grasp_factory") / "robots" / "assets"
 LINKS = tuple(f"link_{i}" for i in range(8))
 TOLERANCE = 0.001
 """Metres by which a hull may fall short of the mesh's, in any direction."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.attempt import Attempt
-from grasp_factory.episode import (
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import (
     CameraFrames,
     CameraImage,
     Episode,
@@ -18,19 +18,27 @@ from grasp_factory.episode import (
     Grasp,
     GraspPlan,
 )
+from grasp_factory.core.finite_check import non_finite
+from grasp_factory.core.geometry import Array, matrix_to_quat_xyzw
+from grasp_factory.core.schema import FIELDS
 from grasp_factory.errors import RecipeError, lookup
-from grasp_factory.finite import non_finite
-from grasp_factory.geometry import Array, matrix_to_quat_xyzw
-from grasp_factory.inspection import inspect_episode
-from grasp_factory.labels import Measurements, disturbance, judge, measure
-from grasp_factory.motion import GraspMotion, plan_motion
-from grasp_factory.outcome import Outcome
+from grasp_factory.labels.image_metrics import inspect_episode
+from grasp_factory.labels.quality import quality_scores, shortcomings
+from grasp_factory.labels.rule import Measurements, disturbance, judge, measure
 from grasp_factory.policies import POLICIES
-from grasp_factory.quality import quality_scores, shortcomings
-from grasp_factory.sampling import Stream, rng_for
-from grasp_factory.scene import Scene, Shot, build_scene, object_poses, observe, settle, take_shots
-from grasp_factory.schema import FIELDS
-from grasp_factory.world import World
+from grasp_factory.robots.trajectory import GraspMotion, plan_motion
+from grasp_factory.sampling.spec import Stream, rng_for
+from grasp_factory.simulation.grasp_execution import Attempt
+from grasp_factory.simulation.scene import (
+    Scene,
+    Shot,
+    build_scene,
+    object_poses,
+    observe,
+    settle,
+    take_shots,
+)
+from grasp_factory.simulation.world import World
 
 HALF_TURN = np.array([-1.0, -1.0, 1.0, 1.0])
 """Factors of a pose's columns that turn it half around about its approach axis.

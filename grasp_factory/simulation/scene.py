@@ -8,21 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import Camera
-from grasp_factory.elementary import arccos
-from grasp_factory.episode import CameraImage, EpisodeSpec, ObjectSpec, SceneView
+from grasp_factory.core.camera import Camera
+from grasp_factory.core.config.sections import WorkspaceConfig
+from grasp_factory.core.elementary import arccos
+from grasp_factory.core.enums import Label, Outcome
+from grasp_factory.core.episode import CameraImage, EpisodeSpec, ObjectSpec, SceneView
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.linear import norm
 from grasp_factory.errors import RecipeError, lookup
-from grasp_factory.geometry import Array
-from grasp_factory.labels import FELL_OFF
-from grasp_factory.linear import norm
+from grasp_factory.labels.rule import FELL_OFF
 from grasp_factory.objects import UrdfFile, find_set
-from grasp_factory.outcome import Label, Outcome
-from grasp_factory.robots import ROBOTS, Robot
-from grasp_factory.sections import WorkspaceConfig
-from grasp_factory.sensors import Render, develop, object_frame
-from grasp_factory.stage import Stage, set_stage
-from grasp_factory.visibility import visible_shares
-from grasp_factory.world import DATA, World, put_to_sleep, wake
+from grasp_factory.robots import ROBOTS
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.sensors import Render, develop, object_frame
+from grasp_factory.simulation.static_scene import Stage, set_stage
+from grasp_factory.simulation.visibility import visible_shares
+from grasp_factory.simulation.world import DATA, World, put_to_sleep, wake
 
 WHITE = (1.0, 1.0, 1.0)
 """What a texture multiplies where neither recipe nor model has a colour."""
@@ -194,13 +195,13 @@ class Shot:
 def take_shots(scene: Scene) -> dict[str, Shot]:
     """Take an image with every camera."""
     shots = {}
-    for name, (camera, whole) in look(scene).items():
+    for name, (camera, whole) in render_cameras(scene).items():
         shares = visible_shares(scene.world, [scene.robot.body], scene.objects, camera, whole)
         shots[name] = Shot(develop(whole, camera, scene.labels), shares)
     return shots
 
 
-def look(scene: Scene) -> dict[str, tuple[Camera, Render]]:
+def render_cameras(scene: Scene) -> dict[str, tuple[Camera, Render]]:
     """Render what every camera sees."""
     return {name: scene.stage.look(name, scene.robot) for name in scene.spec.cameras}
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from grasp_factory.camera import Camera
-from grasp_factory.episode import EpisodeSpec
+from grasp_factory.core.appearance import Surroundings
+from grasp_factory.core.camera import Camera
+from grasp_factory.core.config.sections import CameraConfig, Mount
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.core.geometry import IDENTITY
 from grasp_factory.errors import lookup
-from grasp_factory.geometry import IDENTITY
-from grasp_factory.looks import Surroundings
-from grasp_factory.robots import ROBOTS, Robot, RobotModel
-from grasp_factory.sections import CameraConfig, Mount
-from grasp_factory.sensors import Render, make_camera, render
-from grasp_factory.world import World
-from grasp_factory.world.foot import foot_of
+from grasp_factory.robots import ROBOTS, RobotModel
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.sensors import Render, make_camera, render
+from grasp_factory.simulation.world import World
+from grasp_factory.simulation.world.foot import foot_of
 
 TABLE_CENTER_XY = (0.45, 0.0)
 """Metres; the robot's base, at the origin, stands 0.25 m inside the table's near edge."""

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import Camera, Light, project
-from grasp_factory.geometry import apply, inverse
-from grasp_factory.sensors import Render, render
-from grasp_factory.world import World
+from grasp_factory.core.camera import Camera, Light, project
+from grasp_factory.core.geometry import apply, inverse
+from grasp_factory.simulation.sensors import Render, render
+from grasp_factory.simulation.world import World
 
 BORDER = 2
 """Pixels around the box of an object that are rendered as well."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grasp_factory.writers.base import Writer
 from grasp_factory.writers.memory import MemoryWriter
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 WRITERS: dict[str, Callable[[Path], Writer]] = {
     "zarr": ZarrWriter,

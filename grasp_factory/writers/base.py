@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.schema import ERROR
 from grasp_factory.errors import StoreError
-from grasp_factory.schema import ERROR
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from grasp_factory.episode import Episode
+from grasp_factory.core.episode import Episode
 from grasp_factory.writers.base import Quarantined, Writer, check_rows, texts_of
 
 

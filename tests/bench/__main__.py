@@ -21,7 +21,7 @@ from bench.figures import (
 )
 from bench.score import Score, Settings
 from grasp_factory.errors import ConfigError
-from grasp_factory.request import parse_size
+from grasp_factory.factory.run_request import parse_size
 
 ALONE: dict[str, tuple[str, Callable[[Score], list[Figure]]]] = {
     "parts": ("bench.parts:measure", part_figures),

@@ -8,7 +8,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-import grasp_factory.world.engine  # noqa: F401  imports PyBullet without its greeting
+import grasp_factory.simulation.world.engine  # noqa: F401  imports PyBullet without its greeting
 from bench.score import NotAvailable, Settings
 
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from grasp_factory.world.engine import p as pybullet
+from grasp_factory.simulation.world.engine import p as pybullet
 
 Call = Callable[..., Any]
 Watch = Callable[[str, Call], Call]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
 from grasp_factory import FactoryConfig, generate
-from grasp_factory.blocks import Made
-from grasp_factory.request import resolve_request
+from grasp_factory.factory.block_job import Made
+from grasp_factory.factory.run_request import resolve_request
 
 WARM_UP_SEED = 1
 """Not the seed that is measured: nothing of its episodes is met again."""

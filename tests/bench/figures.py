@@ -11,7 +11,7 @@ from typing import TypedDict
 from bench.contest import Scores
 from bench.parts import ENGINE, PARTS
 from bench.score import Score
-from grasp_factory.report import table
+from grasp_factory.core.text_format import table
 
 MB = 1e6
 

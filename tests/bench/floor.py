@@ -15,10 +15,10 @@ from typing import Any
 from bench.engine import Call, watched_engine
 from bench.factory import WARM_UP_SEED, config_of
 from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.world import World
-from grasp_factory.world.engine import p as pybullet
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
+from grasp_factory.simulation.world.engine import p as pybullet
 
 RENDER, STEP = "getCameraImage", "stepSimulation"
 

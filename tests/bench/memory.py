@@ -9,7 +9,7 @@ from pathlib import Path
 from bench.factory import config_of
 from bench.score import Score, Settings, Stopwatch, peak_bytes
 from grasp_factory import generate
-from grasp_factory.blocks import Made
+from grasp_factory.factory.block_job import Made
 
 EVERY = 100
 

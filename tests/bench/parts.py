@@ -17,21 +17,22 @@ from typing import Any
 from bench.engine import Call, watched_engine
 from bench.factory import WARM_UP_SEED, config_of
 from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
-from grasp_factory import attempt, blocks, factory, rollout
-from grasp_factory.writers import zarr
+from grasp_factory.factory import block_job, generate
+from grasp_factory.simulation import grasp_execution, rollout
+from grasp_factory.writers.zarr import writer
 
 PARTS: Mapping[str, tuple[tuple[Any, str], ...]] = {
-    "sample": ((blocks, "sample_spec"),),
+    "sample": ((block_job, "sample_spec"),),
     "reset, build": ((rollout, "build_scene"),),
     "settle": ((rollout, "settle"),),
     "plan": ((rollout, "_plan"), (rollout, "choose")),
-    "simulate": ((attempt.Attempt, "run"),),
+    "simulate": ((grasp_execution.Attempt, "run"),),
     "render": ((rollout, "take_shots"),),
     "inspect": ((rollout, "inspect_episode"),),
-    "label, streams": ((blocks, "run_episode"),),
-    "encode": ((zarr.ZarrWriter, "write_block"),),
-    "write (fsync)": ((zarr, "fsync"),),
-    "open, close, count": ((factory, "generate"),),
+    "label, streams": ((block_job, "run_episode"),),
+    "encode": ((writer.ZarrWriter, "write_block"),),
+    "write (fsync)": ((writer, "fsync"),),
+    "open, close, count": ((generate, "generate"),),
 }
 """By name: the functions whose own time it is, without that of the parts they call."""
 
@@ -92,10 +93,10 @@ def measure(settings: Settings) -> Score:
             for owner, function in functions:
                 clocks.around(owner, function, name)
         warm = config_of(settings, seed=WARM_UP_SEED)
-        factory.generate(warm, WARM_UP_EPISODES, Path(place, "warm.zarr"), workers=1)
+        generate.generate(warm, WARM_UP_EPISODES, Path(place, "warm.zarr"), workers=1)
         clocks.seconds.clear()
         with Stopwatch() as watch:
-            factory.generate(
+            generate.generate(
                 config_of(settings), settings.episodes, Path(place, "ds.zarr"), workers=1
             )
     return Score(

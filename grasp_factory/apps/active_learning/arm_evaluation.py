@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.baselines.scores import Estimate
-from grasp_factory.dataset import Dataset
-from grasp_factory.flywheel.judging import object_mean
-from grasp_factory.flywheel.stores import StoreFacts
+from grasp_factory.apps.active_learning.judging import object_mean
+from grasp_factory.apps.active_learning.stores import StoreFacts
+from grasp_factory.apps.learning.scores import Estimate
+from grasp_factory.dataset.dataset import Dataset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +24,7 @@ class Tried:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tries:
+class ArmEvaluation:
     """Success rates in the same held-out scenes."""
 
     arms: Mapping[str, Tried]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from grasp_factory.core.os_errors import MACHINE_TROUBLE
 from grasp_factory.errors import StoreError, UsageError
-from grasp_factory.trouble import MACHINE_TROUBLE
-from grasp_factory.writers.files import write_aside
+from grasp_factory.writers.zarr.files import write_aside
 
 
 def make_folder(path: Path) -> None:

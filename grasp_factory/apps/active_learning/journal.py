@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from grasp_factory.config import first_difference
+from grasp_factory.apps.active_learning.files import make_folder, read, write_if_new
+from grasp_factory.apps.active_learning.settings import FlywheelSettings
+from grasp_factory.core.config.factory_config import first_difference
+from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import ConfigError, UsageError
-from grasp_factory.flywheel.files import make_folder, read, write_if_new
-from grasp_factory.flywheel.settings import FlywheelSettings
-from grasp_factory.records import from_plain, to_plain
-from grasp_factory.writers.aside import aside
+from grasp_factory.writers.zarr.atomic_store import aside
 
 FILE = "flywheel.json"
 FORMAT = 1

@@ -8,12 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.baselines.scores import FIGURES, RANGE, RESAMPLES, Bootstrap, Estimate, interval
-from grasp_factory.baselines.watching import Watch, unwatched
-from grasp_factory.dataset import Dataset
-from grasp_factory.examples import Examples
-from grasp_factory.geometry import Array
-from grasp_factory.networks import GraspModel
+from grasp_factory.apps.learning.examples import Examples
+from grasp_factory.apps.learning.scores import (
+    FIGURES,
+    RANGE,
+    RESAMPLES,
+    Bootstrap,
+    Estimate,
+    interval,
+)
+from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
+from grasp_factory.core.geometry import Array
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.policies.networks import GraspModel
 
 SURE = 0.9
 """A model is sure of an outcome that it gives this probability, or more."""
@@ -52,7 +59,7 @@ class Judge:
         self._held_out = held_out
         self._bootstrap = Bootstrap(held_out.success, held_out.object_id, seed=0)
 
-    def judge(self, models: Sequence[GraspModel], watch: Watch = unwatched) -> Judgement:
+    def judge(self, models: Sequence[GraspModel], watch: ProgressWatch = unwatched) -> Judgement:
         """Return the figures of a round's networks.
 
         Networks at the same place in two rounds have the same training seed, and the same ones are

@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 
 from grasp_factory import __version__
-from grasp_factory.baselines.training import TrainSettings, fit
-from grasp_factory.baselines.watching import Watch
-from grasp_factory.config import first_difference
-from grasp_factory.crops import CropShape
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.active_learning.files import read, write_if_new
+from grasp_factory.apps.active_learning.stores import StoreFacts
+from grasp_factory.apps.learning.examples import ExampleReader, Examples, Grasps
+from grasp_factory.apps.learning.training import TrainSettings, fit
+from grasp_factory.apps.learning.watching import ProgressWatch
+from grasp_factory.core.config.factory_config import first_difference
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError
-from grasp_factory.examples import ExampleReader, Examples, Grasps
-from grasp_factory.flywheel.files import read, write_if_new
-from grasp_factory.flywheel.stores import StoreFacts
-from grasp_factory.networks import KINDS, GraspModel, TouchWindow, load_model, save_model
-from grasp_factory.records import to_plain
+from grasp_factory.policies.networks import KINDS, GraspModel, TouchWindow, load_model, save_model
+from grasp_factory.signals.grasp_crop import CropShape
 
 KIND = "vision"
 """Of all networks of a flywheel: the policy ``learned`` ranks by it before anything is touched."""
@@ -34,7 +34,7 @@ _LARGER = "begin another folder with a larger --eval"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lessons:
+class TrainingSet:
     """What is learned from."""
 
     stores: tuple[StoreFacts, ...]
@@ -42,16 +42,16 @@ class Lessons:
     val: Examples
 
 
-def together(parts: Sequence[Lessons]) -> Lessons:
+def together(parts: Sequence[TrainingSet]) -> TrainingSet:
     """Return what several rounds teach, in their order."""
-    return Lessons(
+    return TrainingSet(
         stores=tuple(store for part in parts for store in part.stores),
         train=joined([part.train for part in parts]),
         val=joined([part.val for part in parts]),
     )
 
 
-def lessons_of(dataset: Dataset, facts: StoreFacts, watch: Watch) -> Lessons:
+def lessons_of(dataset: Dataset, facts: StoreFacts, watch: ProgressWatch) -> TrainingSet:
     """Read the examples of a round's store.
 
     Raises:
@@ -62,10 +62,10 @@ def lessons_of(dataset: Dataset, facts: StoreFacts, watch: Watch) -> Lessons:
     split = dataset.column("split")[rows]
     with watch("reading", len(rows)) as step:
         train, val = (reader.read(rows[split == name], step) for name in ("train", "val"))
-    return Lessons(stores=(facts,), train=train, val=val)
+    return TrainingSet(stores=(facts,), train=train, val=val)
 
 
-def held_out_examples(dataset: Dataset, watch: Watch) -> Examples:
+def held_out_examples(dataset: Dataset, watch: ProgressWatch) -> Examples:
     """Read the examples that networks are judged on.
 
     Raises:
@@ -97,7 +97,9 @@ def joined(parts: Sequence[Examples]) -> Examples:
     return Examples(inputs=inputs, **others)
 
 
-def learn(file: Path, lessons: Lessons, settings: TrainSettings, watch: Watch) -> GraspModel:
+def learn(
+    file: Path, lessons: TrainingSet, settings: TrainSettings, watch: ProgressWatch
+) -> GraspModel:
     """Return the network in a file, which is trained and written if it is not there.
 
     Raises:
@@ -132,7 +134,7 @@ def _reader(dataset: Dataset) -> ExampleReader:
     return ExampleReader(dataset=dataset, uses=KINDS[KIND])
 
 
-def _facts(lessons: Lessons, settings: TrainSettings) -> dict[str, Any]:
+def _facts(lessons: TrainingSet, settings: TrainSettings) -> dict[str, Any]:
     return {
         "stores": {store.path: to_plain(store) for store in lessons.stores},
         "train_examples": len(lessons.train),

@@ -9,14 +9,14 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from grasp_factory.baselines.scores import Estimate
-from grasp_factory.flywheel.turns import Gain, Turn
+from grasp_factory.apps.active_learning.rounds import Round, SelectionGain
+from grasp_factory.apps.learning.scores import Estimate
 
 COLORS: Mapping[str, str] = {"active": "tab:orange", "random": "tab:blue"}
 FIGURE = "auc"
 
 
-def picture_of(arms: Mapping[str, Sequence[Turn]], gains: Sequence[Gain]) -> bytes:
+def picture_of(arms: Mapping[str, Sequence[Round]], gains: Sequence[SelectionGain]) -> bytes:
     """Return the PNG of a flywheel's arms, with their difference beside them if there are two."""
     panels = 2 if gains else 1
     with mpl.rc_context({"font.size": 10}):
@@ -29,7 +29,7 @@ def picture_of(arms: Mapping[str, Sequence[Turn]], gains: Sequence[Gain]) -> byt
     return out.getvalue()
 
 
-def _draw_arms(ax: Axes, arms: Mapping[str, Sequence[Turn]]) -> None:
+def _draw_arms(ax: Axes, arms: Mapping[str, Sequence[Round]]) -> None:
     for arm, turns in arms.items():
         episodes = [turn.episodes for turn in turns]
         value, low, high = _columns([turn.scores[FIGURE] for turn in turns])
@@ -41,7 +41,7 @@ def _draw_arms(ax: Axes, arms: Mapping[str, Sequence[Turn]]) -> None:
     ax.legend(loc="best", title="selection")
 
 
-def _draw_gains(ax: Axes, gains: Sequence[Gain]) -> None:
+def _draw_gains(ax: Axes, gains: Sequence[SelectionGain]) -> None:
     episodes = [gain.episodes for gain in gains]
     value, low, high = _columns([gain.scores[FIGURE] for gain in gains])
     ax.axhline(0.0, color="0.6", linestyle="--", linewidth=1)

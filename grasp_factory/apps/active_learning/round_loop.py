@@ -8,48 +8,48 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory import models as kept
-from grasp_factory.baselines.scores import LEVEL, RESAMPLES
-from grasp_factory.baselines.watching import Watch, unwatched
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
-from grasp_factory.errors import UsageError
-from grasp_factory.factory import check_names
-from grasp_factory.flywheel.files import make_folder, write_if_new
-from grasp_factory.flywheel.journal import Journal
-from grasp_factory.flywheel.judging import Judge, mistakes_of
-from grasp_factory.flywheel.learning import (
+from grasp_factory.apps.active_learning.arm_evaluation import (
+    ArmEvaluation,
+    Tried,
+    success_by_policy,
+    success_gain,
+    success_of,
+)
+from grasp_factory.apps.active_learning.files import make_folder, write_if_new
+from grasp_factory.apps.active_learning.journal import Journal
+from grasp_factory.apps.active_learning.judging import Judge, mistakes_of
+from grasp_factory.apps.active_learning.learning import (
     VERSIONS,
-    Lessons,
+    TrainingSet,
     held_out_examples,
     learn,
     lessons_of,
     together,
 )
-from grasp_factory.flywheel.plot import picture_of
-from grasp_factory.flywheel.settings import ARMS, FlywheelSettings
-from grasp_factory.flywheel.stores import Make, complete, facts_of, make_quietly
-from grasp_factory.flywheel.tries import (
-    Tried,
-    Tries,
-    success_by_policy,
-    success_gain,
-    success_of,
-)
-from grasp_factory.flywheel.turns import Choice, ModelFacts, Stand, Turn, gains_of
-from grasp_factory.networks import GraspModel
-from grasp_factory.request import Request
+from grasp_factory.apps.active_learning.plot import picture_of
+from grasp_factory.apps.active_learning.rounds import ArmState, Choice, ModelFacts, Round, gains_of
+from grasp_factory.apps.active_learning.settings import ARMS, FlywheelSettings
+from grasp_factory.apps.active_learning.stores import Make, complete, facts_of, make_quietly
+from grasp_factory.apps.learning.scores import LEVEL, RESAMPLES
+from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.errors import UsageError
+from grasp_factory.factory.name_check import check_names
+from grasp_factory.factory.run_request import Request
+from grasp_factory.policies import model_registry
+from grasp_factory.policies.networks import GraspModel
 
 PICTURE = "flywheel.png"
 
 
-def turn_flywheel(
+def run_rounds(
     settings: FlywheelSettings,
     folder: Path,
     workers: int = 2,
     *,
     make: Make = make_quietly,
-    watch: Watch = unwatched,
+    watch: ProgressWatch = unwatched,
 ) -> dict[str, Any]:
     """Make all rounds of a flywheel in a folder, or those that are missing.
 
@@ -89,7 +89,7 @@ class _Flywheel:
         *,
         workers: int,
         make: Make,
-        watch: Watch,
+        watch: ProgressWatch,
     ) -> None:
         self._settings, self._folder = settings, folder
         self._workers, self._make, self._watch = workers, make, watch
@@ -125,18 +125,18 @@ class _Flywheel:
         write_if_new(self._folder / PICTURE, picture)
         return self._found
 
-    def _note(self, stands: Mapping[str, Sequence[Stand]]) -> None:
+    def _note(self, stands: Mapping[str, Sequence[ArmState]]) -> None:
         arms = {arm: [stand.turn for stand in line] for arm, line in stands.items()}
         gains = gains_of(*stands.values()) if len(stands) > 1 else []
         self._found |= {"arms": arms, "gains": gains}
         self._journal.note(self._found, sum(map(len, arms.values())))
 
-    def _start(self) -> Stand:
+    def _start(self) -> ArmState:
         config, n = self._settings.start_config, self._settings.start
         dataset = self._complete("round0.zarr", config, n)
         return self._stand(0, self._folder, (self._lessons(dataset),), None)
 
-    def _round(self, number: int, arm: str, before: Stand) -> Stand:
+    def _round(self, number: int, arm: str, before: ArmState) -> ArmState:
         sha256 = before.models[0].sha256
         make_folder(self._folder / arm)
         config, n = self._settings.round_config(number, arm, sha256), self._settings.budget
@@ -145,12 +145,12 @@ class _Flywheel:
         choice = Choice(model_sha256=sha256, prefer=ARMS[arm], mistakes=mistakes_of(dataset))
         return self._stand(number, self._folder / arm, parts, choice)
 
-    def _lessons(self, dataset: Dataset) -> Lessons:
+    def _lessons(self, dataset: Dataset) -> TrainingSet:
         return lessons_of(dataset, facts_of(self._folder, dataset), self._watch)
 
     def _stand(
-        self, number: int, place: Path, parts: tuple[Lessons, ...], choice: Choice | None
-    ) -> Stand:
+        self, number: int, place: Path, parts: tuple[TrainingSet, ...], choice: Choice | None
+    ) -> ArmState:
         """Train a round's networks, or find them, and judge them."""
         lessons = together(parts)
         models, told = [], []
@@ -167,9 +167,9 @@ class _Flywheel:
                 )
             )
             if not seed:
-                kept.keep(file.read_bytes())  # where the policy learned looks for it
+                model_registry.keep(file.read_bytes())  # where the policy learned looks for it
         judgement = self._judge.judge(models, self._watch)
-        turn = Turn(
+        turn = Round(
             round=number,
             store=lessons.stores[-1],
             choice=choice,
@@ -180,15 +180,15 @@ class _Flywheel:
             models=tuple(told),
             scores=judgement.scores(),
         )
-        return Stand(parts=parts, models=models, judgement=judgement, turn=turn)
+        return ArmState(parts=parts, models=models, judgement=judgement, turn=turn)
 
-    def _learned(self, file: Path, lessons: Lessons, seed: int, number: int) -> GraspModel:
+    def _learned(self, file: Path, lessons: TrainingSet, seed: int, number: int) -> GraspModel:
         try:
             return learn(file, lessons, self._settings.training(seed), self._watch)
         except UsageError as error:
             raise UsageError(f"round {number}: {error}") from None
 
-    def _tries(self, last: Mapping[str, str]) -> Tries:
+    def _tries(self, last: Mapping[str, str]) -> ArmEvaluation:
         """Let each arm's last model choose grasps in the scenes of the held-out episodes."""
         n = self._settings.tries
         made = {
@@ -204,7 +204,7 @@ class _Flywheel:
             for arm, dataset in made.items()
         }
         gain = success_gain(*made.values()) if len(made) > 1 else None
-        return Tries(arms=arms, gain=gain, policies=success_by_policy(self._evaluation))
+        return ArmEvaluation(arms=arms, gain=gain, policies=success_by_policy(self._evaluation))
 
     def _complete(self, name: str, config: FactoryConfig, n: int) -> Dataset:
         path = self._folder / name

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from grasp_factory.baselines.scores import Estimate
-from grasp_factory.flywheel.judging import Judgement, Mistakes
-from grasp_factory.flywheel.learning import Lessons
-from grasp_factory.flywheel.stores import StoreFacts
-from grasp_factory.networks import GraspModel
+from grasp_factory.apps.active_learning.judging import Judgement, Mistakes
+from grasp_factory.apps.active_learning.learning import TrainingSet
+from grasp_factory.apps.active_learning.stores import StoreFacts
+from grasp_factory.apps.learning.scores import Estimate
+from grasp_factory.policies.networks import GraspModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class ModelFacts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
+class Round:
     """What a round did and what came of it."""
 
     round: int
@@ -57,7 +57,7 @@ class Turn:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gain:
+class SelectionGain:
     """By how much the active arm's figures exceed the random arm's after a round."""
 
     round: int
@@ -67,20 +67,20 @@ class Gain:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stand:
+class ArmState:
     """Where an arm stands after a round."""
 
-    parts: tuple[Lessons, ...]
+    parts: tuple[TrainingSet, ...]
     """Of each round; arms share the first."""
     models: Sequence[GraspModel]
     judgement: Judgement
-    turn: Turn
+    turn: Round
 
 
-def gains_of(active: Sequence[Stand], random: Sequence[Stand]) -> list[Gain]:
+def gains_of(active: Sequence[ArmState], random: Sequence[ArmState]) -> list[SelectionGain]:
     """Compare two arms after each round that both have made; they share round 0."""
     return [
-        Gain(
+        SelectionGain(
             round=a.turn.round,
             episodes=a.turn.episodes,
             scores=a.judgement.gains(r.judgement),

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.baselines.training import TrainSettings
-from grasp_factory.config import FactoryConfig
+from grasp_factory.apps.learning.training import TrainSettings
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.serialization import check, check_range, normalise
+from grasp_factory.core.splits import SPLITS
+from grasp_factory.factory.run_request import MAX_EPISODES
 from grasp_factory.policies import POLICIES
-from grasp_factory.records import check, check_range, normalise
-from grasp_factory.request import MAX_EPISODES
-from grasp_factory.splits import SPLITS
 
 ARMS: Mapping[str, str] = {"active": "uncertain", "random": "random"}
 """Arm to what its policy ``learned`` prefers; both draw from the same candidates."""

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.platforms import difference, fingerprint_of
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import FailuresError, StoreMismatchError
-from grasp_factory.factory import Summary, generate
-from grasp_factory.fingerprint import fingerprint
-from grasp_factory.platforms import difference, fingerprint_of
-from grasp_factory.request import Request
+from grasp_factory.factory.generate import Summary, generate
+from grasp_factory.factory.run_request import Request
+from grasp_factory.simulation.fingerprint import fingerprint
 
 Make = Callable[[Request], Summary]
 """Makes the episodes of a request that are missing."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from grasp_factory.baselines.report import shown
-from grasp_factory.baselines.scores import Estimate
-from grasp_factory.flywheel.judging import SURE
-from grasp_factory.flywheel.tries import Tries
-from grasp_factory.flywheel.turns import Gain, Turn
-from grasp_factory.report import count, percent, table
+from grasp_factory.apps.active_learning.arm_evaluation import ArmEvaluation
+from grasp_factory.apps.active_learning.judging import SURE
+from grasp_factory.apps.active_learning.rounds import Round, SelectionGain
+from grasp_factory.apps.learning.report import shown
+from grasp_factory.apps.learning.scores import Estimate
+from grasp_factory.core.text_format import count, percent, table
 
 
 def flywheel_text(found: Mapping[str, Any]) -> str:
     """Return what ``turn_flywheel`` found as text for people."""
-    arms: Mapping[str, Sequence[Turn]] = found["arms"]
+    arms: Mapping[str, Sequence[Round]] = found["arms"]
     judged = found["evaluation"]
     parts = [
         f"judged on {count(judged['examples'], 'episode')} of"
@@ -31,7 +31,7 @@ def flywheel_text(found: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def _turns(arms: Mapping[str, Sequence[Turn]]) -> str:
+def _turns(arms: Mapping[str, Sequence[Round]]) -> str:
     first = next(iter(arms.values()))[0]
     rows = [("-", first), *((arm, turn) for arm, turns in arms.items() for turn in turns[1:])]
     cells = [
@@ -46,7 +46,7 @@ def _turns(arms: Mapping[str, Sequence[Turn]]) -> str:
     return table([head, *cells], right=(0, 2, 3))
 
 
-def _mistakes(arms: Mapping[str, Sequence[Turn]]) -> str:
+def _mistakes(arms: Mapping[str, Sequence[Round]]) -> str:
     """Return how right each round's model was about the grasps that it chose."""
     cells = []
     for arm, turns in arms.items():
@@ -69,7 +69,7 @@ def _mistakes(arms: Mapping[str, Sequence[Turn]]) -> str:
     return table([head, *sorted(cells, key=lambda row: row[0])], right=(0, 2, 5, 7))
 
 
-def _gains(gains: Sequence[Gain]) -> str:
+def _gains(gains: Sequence[SelectionGain]) -> str:
     cells = [
         (gain.round, gain.episodes, *(shown(gain.scores[name], sign=True) for name in _COMPARED))
         for gain in gains
@@ -80,7 +80,7 @@ def _gains(gains: Sequence[Gain]) -> str:
 _COMPARED = {"auc": "AUC, active - random", "average_precision": "average precision"}
 
 
-def _tries(tries: Tries) -> str:
+def _tries(tries: ArmEvaluation) -> str:
     rows = [(f"learned, {arm}", _rate(tried.success)) for arm, tried in tries.arms.items()]
     rows += [(name, _rate(rate)) for name, rate in tries.policies.items()]
     if tries.gain is not None:

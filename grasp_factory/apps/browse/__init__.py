@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
-from grasp_factory.errors import UsageError
+from grasp_factory.core.optional import require
 
 
 def require_server() -> None:
@@ -13,8 +11,4 @@ def require_server() -> None:
     Raises:
         UsageError: naming those that are not, and how to install them.
     """
-    missing = [name for name in ("flask", "waitress") if find_spec(name) is None]
-    if missing:
-        raise UsageError(
-            f"this needs {', '.join(missing)}, not installed: pip install 'grasp-factory[browse]'"
-        )
+    require("flask", "waitress", extra="browse")

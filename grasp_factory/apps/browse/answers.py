@@ -8,8 +8,8 @@ from typing import Any
 from flask import Flask, Response, request
 from werkzeug.exceptions import HTTPException
 
-from grasp_factory.browse.numbers import json_bytes
-from grasp_factory.cache import digest
+from grasp_factory.apps.browse.numbers import json_bytes
+from grasp_factory.core.cache import digest
 from grasp_factory.errors import GraspFactoryError, UsageError
 
 BYTES = "application/octet-stream"

@@ -6,14 +6,14 @@ from collections.abc import Collection
 
 from flask import Flask
 
-from grasp_factory.browse import changing, crowd, files, listing, viewing
-from grasp_factory.browse.answers import tell_errors_as_json
-from grasp_factory.browse.asking import Number
-from grasp_factory.browse.guard import Guard, install
-from grasp_factory.browse.shelf import Shelf
-from grasp_factory.browse.site import Live, Site
-from grasp_factory.browse.thumbnails import Thumbnails
-from grasp_factory.index import Index
+from grasp_factory.apps.browse import changing, crowd, files, listing, viewing
+from grasp_factory.apps.browse.answers import tell_errors_as_json
+from grasp_factory.apps.browse.asking import Number
+from grasp_factory.apps.browse.guard import Guard, install
+from grasp_factory.apps.browse.shelf import Shelf
+from grasp_factory.apps.browse.site import Live, Site
+from grasp_factory.apps.browse.thumbnails import Thumbnails
+from grasp_factory.dataset.index import Index
 
 
 def create_app(
@@ -40,7 +40,7 @@ def create_app(
         thumbnails=thumbnails or Thumbnails(),
         live=live,
     )
-    app = Flask("grasp_factory.browse", static_folder=None)
+    app = Flask("grasp_factory.apps.browse", static_folder=None)
     app.config["PROVIDE_AUTOMATIC_OPTIONS"] = False
     app.url_map.merge_slashes = False  # an address that is not quite right is refused, not mended
     app.url_map.converters["n"] = Number

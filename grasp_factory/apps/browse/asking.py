@@ -7,8 +7,8 @@ import re
 from flask import request
 from werkzeug.routing import BaseConverter
 
+from grasp_factory.dataset.index import Query
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.index import Query
 
 MOST_CONDITIONS = 20
 """Each is looked up for itself, and many people may ask at once."""

@@ -8,10 +8,10 @@ from typing import Any
 
 from flask import Blueprint, Response, request
 
-from grasp_factory.browse.answers import json_answer
-from grasp_factory.browse.site import Site
+from grasp_factory.apps.browse.answers import json_answer
+from grasp_factory.apps.browse.site import Site
+from grasp_factory.core.serialization import is_integer, to_plain
 from grasp_factory.errors import GraspFactoryError, UsageError, shown
-from grasp_factory.records import is_integer, to_plain
 
 MOST_CHANGES = 20_000
 """Of all episodes of one request together."""

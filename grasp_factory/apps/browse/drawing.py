@@ -6,9 +6,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.dataset import Dataset
-from grasp_factory.outcome import Label
-from grasp_factory.painting import Image, depth_picture, label_palette, label_picture
+from grasp_factory.apps.pictures.painting import (
+    BgrImage,
+    depth_picture,
+    label_palette,
+    label_picture,
+)
+from grasp_factory.core.enums import Label
+from grasp_factory.dataset.dataset import Dataset
 
 KINDS = ("rgb", "depth", "segmentation", "overlay")
 THUMB_WIDTH = 200
@@ -69,7 +74,7 @@ def label_colors(names: list[str]) -> list[dict[str, object]]:
     ]
 
 
-def _image(dataset: Dataset, row: int, camera: str, kind: str, frame: int) -> Image:
+def _image(dataset: Dataset, row: int, camera: str, kind: str, frame: int) -> BgrImage:
     """Return one of ``KINDS``, BGR."""
     if kind == "depth":
         far = dataset.spec(row).cameras[camera].far
@@ -81,18 +86,18 @@ def _image(dataset: Dataset, row: int, camera: str, kind: str, frame: int) -> Im
     return image if kind == "rgb" else _tinted(image, dataset, row, camera, frame)
 
 
-def _tinted(image: Image, dataset: Dataset, row: int, camera: str, frame: int) -> Image:
+def _tinted(image: BgrImage, dataset: Dataset, row: int, camera: str, frame: int) -> BgrImage:
     """Return an image whose robot and objects have their labels' colours."""
     labels = dataset.image(row, camera, "segmentation", frame)
     mixed = cv2.addWeighted(image, 1.0 - _TINT, label_picture(labels), _TINT, 0.0)
     return np.asarray(np.where((labels >= Label.ARM)[..., None], mixed, image), np.uint8)
 
 
-def _bgr(rgb: NDArray[np.uint8]) -> Image:
+def _bgr(rgb: NDArray[np.uint8]) -> BgrImage:
     return np.ascontiguousarray(rgb[..., ::-1])
 
 
-def _encoded(kind: str, image: Image, how: tuple[int, int]) -> bytes:
+def _encoded(kind: str, image: BgrImage, how: tuple[int, int]) -> bytes:
     ok, data = cv2.imencode(kind, image, how)
     assert ok
     return bytes(data.tobytes())

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.browse.drawing import depth_span
-from grasp_factory.browse.series import pad_size
-from grasp_factory.browse.shelf import OpenStore
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.browse.drawing import depth_span
+from grasp_factory.apps.browse.series import pad_size
+from grasp_factory.apps.browse.shelf import OpenStore
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.records import to_plain
 
 _ELSEWHERE = ("spec", "array_crc32c", "status", "error")
 """Columns that are told in another form, or say nothing to a person."""

@@ -7,15 +7,15 @@ from typing import Any
 from flask import Blueprint, Response, request
 
 from grasp_factory import __version__
-from grasp_factory.annotations import default_who
-from grasp_factory.browse.answers import json_answer
-from grasp_factory.browse.asking import asked_query, whole
-from grasp_factory.browse.drawing import label_colors
-from grasp_factory.browse.site import Site
+from grasp_factory.apps.browse.answers import json_answer
+from grasp_factory.apps.browse.asking import asked_query, whole
+from grasp_factory.apps.browse.drawing import label_colors
+from grasp_factory.apps.browse.site import Site
+from grasp_factory.core.enums import Outcome, Phase, label_names, names
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset.annotations import default_who
+from grasp_factory.dataset.index import COLUMNS, IndexColumn, IndexedStore, NumberBins, WordBars
 from grasp_factory.errors import GraspFactoryError, UsageError
-from grasp_factory.index import COLUMNS, Column, IndexedStore, NumberBins, WordBars
-from grasp_factory.outcome import Outcome, Phase, label_names, names
-from grasp_factory.records import to_plain
 
 MOST_ROWS, MOST_BINS, MOST_WORDS = 500, 200, 200
 
@@ -95,7 +95,7 @@ def _store(site: Site, store: IndexedStore) -> dict[str, Any]:
     }
 
 
-def _column(site: Site, column: Column) -> dict[str, Any]:
+def _column(site: Site, column: IndexColumn) -> dict[str, Any]:
     told: dict[str, Any] = to_plain(column)
     if column.kind in ("word", "tags"):
         told["words"] = site.index.words(column.name, MOST_WORDS)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.clouds import PointCloud
-from grasp_factory.outcome import Label
+from grasp_factory.core.enums import Label
+from grasp_factory.signals.point_cloud import PointCloud
 
 MOST_POINTS = 60_000
 NEAR_TABLE = 1.0

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.browse.numbers import rounded
-from grasp_factory.browse.shelf import OpenStore
-from grasp_factory.curves import CurveGroup, curve_groups, phase_spans
+from grasp_factory.apps.browse.numbers import rounded
+from grasp_factory.apps.browse.shelf import OpenStore
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import StoreError
-from grasp_factory.kinematics import Chain
-from grasp_factory.records import to_plain
+from grasp_factory.robots.kinematics import Chain
+from grasp_factory.signals.plot_series import CurveGroup, Series, curve_groups, phase_spans
 from grasp_factory.signals.touch import taxel_image
-from grasp_factory.writers.header import read_array
+from grasp_factory.writers.zarr.header import read_array
 
 TAXELS = (12, 10)
 """Rows along a pad's height, columns along its width."""
@@ -27,8 +26,6 @@ _STREAMS = (
     *("tcp_pose", "object_pose"),
 )
 _TACTILE = ("tactile_position", "tactile_force", "tactile_normal")
-
-Series = Mapping[str, NDArray[Any]]
 
 
 def episode_series(opened: OpenStore, row: int) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from grasp_factory.annotations import AnnotationLog
-from grasp_factory.dataset import Dataset
-from grasp_factory.index import IndexedStore
-from grasp_factory.schema import STATUS
+from grasp_factory.core.schema import STATUS
+from grasp_factory.dataset.annotations import AnnotationLog
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.index import IndexedStore
 
 Stamp = tuple[tuple[int, int, int], ...]
 

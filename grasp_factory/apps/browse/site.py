@@ -9,11 +9,11 @@ from typing import Any, Protocol
 
 from flask import abort, request
 
-from grasp_factory.browse.guard import Guard
-from grasp_factory.browse.shelf import OpenStore, Shelf
-from grasp_factory.browse.thumbnails import Thumbnails
+from grasp_factory.apps.browse.guard import Guard
+from grasp_factory.apps.browse.shelf import OpenStore, Shelf
+from grasp_factory.apps.browse.thumbnails import Thumbnails
+from grasp_factory.dataset.index import Index, build
 from grasp_factory.errors import GraspFactoryError, StoreError
-from grasp_factory.index import Index, build
 
 LOOK_AGAIN_S = 3.0
 """Seconds for which the index is taken to be that of the stores."""

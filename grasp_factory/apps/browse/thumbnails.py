@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from grasp_factory.cache import cache_dir, digest, read, write
+from grasp_factory.core.cache import cache_dir, digest, read, write
 from grasp_factory.errors import UsageError
 
 MOST_BYTES = 500_000_000

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from flask import Blueprint, Response, abort, request
 
-from grasp_factory.browse import facts
-from grasp_factory.browse.answers import BYTES, json_answer, kept
-from grasp_factory.browse.asking import whole
-from grasp_factory.browse.drawing import KINDS, picture, thumbnail, video_frame
-from grasp_factory.browse.numbers import json_bytes
-from grasp_factory.browse.points import cloud_bytes
-from grasp_factory.browse.series import episode_series, tactile
-from grasp_factory.browse.shelf import OpenStore
-from grasp_factory.browse.site import Site
-from grasp_factory.writers.header import read_array
+from grasp_factory.apps.browse import facts
+from grasp_factory.apps.browse.answers import BYTES, json_answer, kept
+from grasp_factory.apps.browse.asking import whole
+from grasp_factory.apps.browse.drawing import KINDS, picture, thumbnail, video_frame
+from grasp_factory.apps.browse.numbers import json_bytes
+from grasp_factory.apps.browse.points import cloud_bytes
+from grasp_factory.apps.browse.series import episode_series, tactile
+from grasp_factory.apps.browse.shelf import OpenStore
+from grasp_factory.apps.browse.site import Site
+from grasp_factory.writers.zarr.header import read_array
 
 
 def routes(site: Site) -> Blueprint:

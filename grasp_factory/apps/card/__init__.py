@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from grasp_factory.card.making import FILES, Card, write_card
-from grasp_factory.card.publication import Publication
+from grasp_factory.apps.card.making import FILES, Card, write_card
+from grasp_factory.apps.card.publication import Publication
 
 __all__ = ["FILES", "Card", "Publication", "write_card"]

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from grasp_factory.card.licences import licence_url
-from grasp_factory.card.table import Column
+from grasp_factory.apps.card.licences import licence_url
+from grasp_factory.apps.card.table import TableColumn
 
 CONFORMS_TO = "http://mlcommons.org/croissant/1.0"
 RECORDS = "episodes"
@@ -62,7 +62,7 @@ class TableFile:
     size: int
     """Bytes."""
     sha256: str
-    columns: Sequence[Column]
+    columns: Sequence[TableColumn]
 
 
 def croissant(described: Described, table: TableFile, store: str) -> str:
@@ -131,7 +131,7 @@ def _record_set(table: TableFile) -> dict[str, Any]:
     }
 
 
-def _field(table: TableFile, column: Column) -> dict[str, Any]:
+def _field(table: TableFile, column: TableColumn) -> dict[str, Any]:
     return {
         "@type": "cr:Field",
         "@id": f"{RECORDS}/{column.name}",

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.card.table import NOT_IN_TABLE, Column, Kind, column_of
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.card.table import NOT_IN_TABLE, Kind, TableColumn, column_of
+from grasp_factory.core import schema
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.splits import SPLITS
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import platforms_of
 from grasp_factory.errors import StoreError, UsageError
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.splits import SPLITS
-from grasp_factory.summary import platforms_of
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.sizes import store_bytes
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.sizes import store_bytes
 
 GROUPED = ("split", "policy", "object_set", "object_family")
 """Columns whose words the card counts, if the store has them."""
@@ -48,7 +48,7 @@ class AddedLabel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class CardFacts:
     """What is in a store. All but the first four counts are of its committed episodes."""
 
     rows: int
@@ -67,7 +67,7 @@ class Facts:
     platforms: Mapping[str, int]
     """Rows by the fingerprint that they tell, the most frequent first."""
     labels: tuple[AddedLabel, ...]
-    table: tuple[Column, ...]
+    table: tuple[TableColumn, ...]
     """The episodes; see ``table``."""
 
     def values(self) -> dict[str, NDArray[Any]]:
@@ -75,7 +75,7 @@ class Facts:
         return {column.name: column.values for column in self.table}
 
 
-def read_facts(dataset: Dataset) -> Facts:
+def read_facts(dataset: Dataset) -> CardFacts:
     """Read and count what a store holds, as it is now.
 
     Raises:
@@ -97,7 +97,7 @@ def read_facts(dataset: Dataset) -> Facts:
         raise UsageError(f"{what}: `grasp-factory generate --out {dataset.path}` makes some")
     own = [column_of(f, read[name][made]) for f, name in zip(fields, wanted, strict=True)]
     labels, label_columns = _labels(dataset, made)
-    row = Column(
+    row = TableColumn(
         name="row",
         kind=Kind.INTEGER,
         description="row of the store: Dataset.open(PATH)[row] is the episode",
@@ -107,7 +107,7 @@ def read_facts(dataset: Dataset) -> Facts:
     success, objects = values["success"], values["object_id"]
     outcomes = np.bincount(values["outcome"], minlength=len(Outcome))
     scores = np.unique(values["quality"], return_counts=True) if "quality" in values else ((), ())
-    return Facts(
+    return CardFacts(
         rows=len(status),
         quarantined=int(np.sum(status == 2)),
         missing=int(np.sum(status == 0)),
@@ -168,7 +168,7 @@ def _platforms(columns: Columns) -> dict[str, int]:
 
 def _labels(
     dataset: Dataset, made: NDArray[np.int64]
-) -> tuple[tuple[AddedLabel, ...], list[Column]]:
+) -> tuple[tuple[AddedLabel, ...], list[TableColumn]]:
     """Return the added labels, and a column of the table for each."""
     labels, columns = [], []
     for name in dataset.labels:
@@ -186,7 +186,7 @@ def _labels(
             )
         )
         columns.append(
-            Column(
+            TableColumn(
                 name=f"labels/{name}",
                 kind=Kind.TEXT,
                 description=f"outcome by the thresholds of the added label {name}",

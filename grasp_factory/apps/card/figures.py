@@ -14,10 +14,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.painting import GREEN, INK, PALE, PAPER, RED, WHITE, Color, Image, put_text
-from grasp_factory.sections import LabelConfig
+from grasp_factory.apps.pictures.painting import (
+    GREEN,
+    INK,
+    PALE,
+    PAPER,
+    RED,
+    WHITE,
+    BgrColor,
+    BgrImage,
+    put_text,
+)
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.geometry import Array
 
 WIDTH = 960
 MARGIN, ROW, BAR = 20, 30, 18
@@ -27,7 +37,7 @@ _PANEL = (300, 190)
 _BINS = 30
 _TOP = 99.0
 """Per cent of the values below which a histogram's last bin begins at the latest."""
-_LINE: Color = (170, 110, 40)
+_LINE: BgrColor = (170, 110, 40)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +70,7 @@ def measures(label: LabelConfig) -> tuple[Measure, ...]:
     )
 
 
-def outcomes_chart(outcomes: Mapping[str, int]) -> Image:
+def outcomes_chart(outcomes: Mapping[str, int]) -> BgrImage:
     """Return a bar for each outcome of ``outcomes``, which has episodes by word."""
     total, most = sum(outcomes.values()), max(outcomes.values())
     image = _paper(2 * MARGIN + ROW * len(outcomes), WIDTH)
@@ -76,7 +86,7 @@ def outcomes_chart(outcomes: Mapping[str, int]) -> Image:
     return image
 
 
-def measures_chart(columns: Mapping[str, NDArray[Any]], label: LabelConfig) -> Image:
+def measures_chart(columns: Mapping[str, NDArray[Any]], label: LabelConfig) -> BgrImage:
     """Return a histogram of each measurement, successes below and failures on top of them.
 
     Args:
@@ -123,7 +133,7 @@ def bin_edges(values: Array) -> Array:
 
 
 def _draw_histogram(
-    panel: Image, measure: Measure, values: Array, success: NDArray[np.bool_]
+    panel: BgrImage, measure: Measure, values: Array, success: NDArray[np.bool_]
 ) -> None:
     height, width = panel.shape[:2]
     put_text(panel, measure.title, (0, 14), INK)
@@ -160,10 +170,10 @@ def _pixels(length: float) -> int:
     return max(1, round(length)) if length > 0.0 else 0
 
 
-def _put_right(image: Image, text: str, at: tuple[int, int]) -> None:
+def _put_right(image: BgrImage, text: str, at: tuple[int, int]) -> None:
     scratch = np.zeros_like(image)
     put_text(image, text, (at[0] - put_text(scratch, text, (0, at[1]), PALE, 11), at[1]), PALE, 11)
 
 
-def _paper(height: int, width: int) -> Image:
+def _paper(height: int, width: int) -> BgrImage:
     return np.full((height, width, 3), PAPER, np.uint8)

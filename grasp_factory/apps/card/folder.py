@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from grasp_factory.errors import StoreError, UsageError
-from grasp_factory.writers.files import cannot_write, locate
+from grasp_factory.writers.zarr.files import cannot_write, locate
 
 README = "README.md"
 _HEAD = "<!-- Written by grasp-factory card, which replaces these files until somebody changes one:"

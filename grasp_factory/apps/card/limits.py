@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.randomize import RandomizeConfig
-from grasp_factory.renderer import Renderer
-from grasp_factory.splits import SPLITS
-from grasp_factory.stepping import PhysicsConfig
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.config.randomization import RandomizeConfig
+from grasp_factory.core.renderer import Renderer
+from grasp_factory.core.splits import SPLITS
 
 _STRAIGHT_DOWN = {"uniform", "top_down"}
 """Policies all of whose grasps come straight down."""

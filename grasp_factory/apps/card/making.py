@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasp_factory import __version__
-from grasp_factory.card import figures
-from grasp_factory.card.croissant import Described, TableFile, croissant
-from grasp_factory.card.facts import Facts, read_facts
-from grasp_factory.card.folder import README, check_folder, digest, foreign_files, place, seal
-from grasp_factory.card.licences import LICENCES, UNKNOWN
-from grasp_factory.card.limits import known_limits
-from grasp_factory.card.publication import Publication
-from grasp_factory.card.readme import (
+from grasp_factory.apps.card import figures
+from grasp_factory.apps.card.croissant import Described, TableFile, croissant
+from grasp_factory.apps.card.facts import CardFacts, read_facts
+from grasp_factory.apps.card.folder import README, check_folder, digest, foreign_files, place, seal
+from grasp_factory.apps.card.licences import LICENCES, UNKNOWN
+from grasp_factory.apps.card.limits import known_limits
+from grasp_factory.apps.card.publication import Publication
+from grasp_factory.apps.card.readme import (
     CONFIG_FILE,
     MEASURES,
     OUTCOMES,
@@ -24,13 +24,13 @@ from grasp_factory.card.readme import (
     config_text,
     readme,
 )
-from grasp_factory.card.table import write_table
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.card.table import write_table
+from grasp_factory.apps.pictures.painting import BgrImage
+from grasp_factory.apps.pictures.sheet import choose_episodes, sheet_of, write_png
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import array_facts
 from grasp_factory.errors import UsageError
-from grasp_factory.painting import Image
-from grasp_factory.sheet import choose_episodes, sheet_of, write_png
-from grasp_factory.summary import array_facts
-from grasp_factory.writers.files import cannot_write, locate
+from grasp_factory.writers.zarr.files import cannot_write, locate
 
 CROISSANT, TABLE = "croissant.json", "episodes.csv"
 FILES = (README, CONFIG_FILE, CROISSANT, TABLE, SHEET, OUTCOMES, MEASURES)
@@ -106,7 +106,7 @@ def write_card(
 
 
 def _make_files(
-    scratch: Path, dataset: Dataset, facts: Facts, described: Described, store: str
+    scratch: Path, dataset: Dataset, facts: CardFacts, described: Described, store: str
 ) -> dict[str, Path]:
     """Make every file of a card in an empty folder; return them by name, the README last."""
     files = {name: scratch / name.replace("/", "_") for name in FILES}
@@ -137,7 +137,7 @@ def _make_files(
     return {name: files[name] for name in (*FILES[1:], README)}
 
 
-def _drawings(dataset: Dataset, facts: Facts) -> dict[str, Callable[[], Image]]:
+def _drawings(dataset: Dataset, facts: CardFacts) -> dict[str, Callable[[], BgrImage]]:
     values, label = facts.values(), dataset.config.label
     chosen = values["row"][choose_episodes(values["success"], _SHOWN)].tolist()
     return {
@@ -147,7 +147,9 @@ def _drawings(dataset: Dataset, facts: Facts) -> dict[str, Callable[[], Image]]:
     }
 
 
-def _describe(dataset: Dataset, store: Path, facts: Facts, publication: Publication) -> Described:
+def _describe(
+    dataset: Dataset, store: Path, facts: CardFacts, publication: Publication
+) -> Described:
     config, attributes = dataset.config, dataset.attributes
     total = facts.total
     sentence = (

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.outcome import Outcome
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome
 
 MEANINGS: Mapping[Outcome, str] = {
     Outcome.SUCCESS: "all that the label asks for",

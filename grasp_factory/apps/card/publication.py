@@ -6,7 +6,7 @@ import datetime
 import re
 from dataclasses import dataclass
 
-from grasp_factory.card.licences import LICENCES
+from grasp_factory.apps.card.licences import LICENCES
 from grasp_factory.errors import UsageError, lookup, shown
 
 LONGEST_NAME = 200

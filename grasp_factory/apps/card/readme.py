@@ -10,17 +10,17 @@ from typing import Any
 
 import yaml
 
-from grasp_factory import schema
-from grasp_factory.card.croissant import RECORDS, Described
-from grasp_factory.card.facts import Facts, Group
-from grasp_factory.card.markdown import details, escape, fenced, table, word
-from grasp_factory.card.meanings import MEANINGS, label_conditions, thresholds_text
-from grasp_factory.collecting.provenance import stored_sources
-from grasp_factory.config import FactoryConfig
-from grasp_factory.outcome import Outcome
-from grasp_factory.platforms import FINGERPRINT, fingerprint_of
-from grasp_factory.report import count, percent, size_text
-from grasp_factory.writers.header import SOURCES
+from grasp_factory.apps.card.croissant import RECORDS, Described
+from grasp_factory.apps.card.facts import CardFacts, Group
+from grasp_factory.apps.card.markdown import details, escape, fenced, table, word
+from grasp_factory.apps.card.meanings import MEANINGS, label_conditions, thresholds_text
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of
+from grasp_factory.core.text_format import count, percent, size_text
+from grasp_factory.curation.merge.provenance import stored_sources
+from grasp_factory.writers.zarr.header import SOURCES
 
 CONFIG_FILE = "config.yaml"
 SHEET, OUTCOMES, MEASURES = (f"figures/{name}.png" for name in ("sheet", "outcomes", "measures"))
@@ -35,7 +35,7 @@ class Contents:
     """What the card is made from."""
 
     described: Described
-    facts: Facts
+    facts: CardFacts
     config: FactoryConfig
     attributes: Mapping[str, Any]
     """The root's of the store."""

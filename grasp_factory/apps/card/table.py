@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.schema import Field
+from grasp_factory.core.schema import Field
 
 NOT_IN_TABLE = frozenset(
     f"episodes/{name}" for name in ("status", "checksum", "fingerprint", "spec", "error")
@@ -32,7 +32,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class TableColumn:
     """A column of the table."""
 
     name: str
@@ -52,12 +52,12 @@ class Column:
         return list(values)
 
 
-def column_of(field: Field, values: NDArray[Any]) -> Column:
+def column_of(field: Field, values: NDArray[Any]) -> TableColumn:
     """Return the column of a field of the store."""
     parts = [field.description, f"[{field.units}]" if field.units else ""]
     if field.names:
         parts.append(f"({', '.join(field.names)})")
-    return Column(
+    return TableColumn(
         name=field.path.removeprefix("episodes/"),
         kind=Kind.TEXT if field.names else kind_of(field),
         description=" ".join(filter(None, parts)),
@@ -74,7 +74,7 @@ def kind_of(field: Field) -> Kind:
     return kinds.get(np.dtype(field.dtype).kind, Kind.INTEGER)
 
 
-def write_table(file: Path, columns: Sequence[Column]) -> None:
+def write_table(file: Path, columns: Sequence[TableColumn]) -> None:
     """Write the table as CSV, UTF-8, a line of names first.
 
     Floats are the shortest texts that give the same bits again; all texts are in quotes, for a

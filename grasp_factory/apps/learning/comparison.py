@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory import __version__
-from grasp_factory.baselines.scores import FIGURES, Bootstrap, Estimate, auc
-from grasp_factory.baselines.training import Trained, TrainSettings, fit
-from grasp_factory.baselines.trivial import majority, pose_only
-from grasp_factory.baselines.watching import Watch, unwatched
-from grasp_factory.crops import CropShape
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.learning.examples import ExampleReader, Examples
+from grasp_factory.apps.learning.scores import FIGURES, Bootstrap, Estimate, auc
+from grasp_factory.apps.learning.training import Trained, TrainSettings, fit
+from grasp_factory.apps.learning.trivial import majority, pose_only
+from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.serialization import check, to_plain
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, UsageError, lookup
-from grasp_factory.examples import ExampleReader, Examples
-from grasp_factory.geometry import Array
-from grasp_factory.networks import KINDS, TOUCH, WIDTH, TouchWindow
-from grasp_factory.records import check, to_plain
+from grasp_factory.policies.networks import KINDS, TOUCH, WIDTH, TouchWindow
+from grasp_factory.signals.grasp_crop import CropShape
 
 ATTEMPTS, LIFTS = "attempts", "lifts"
 POPULATIONS: Mapping[str, str] = {
@@ -108,7 +108,7 @@ class Splits:
 
 
 def compare(
-    dataset: Dataset, test: Dataset, course: Course, watch: Watch = unwatched
+    dataset: Dataset, test: Dataset, course: Course, watch: ProgressWatch = unwatched
 ) -> Comparison:
     """Fit baselines on the train objects of a dataset and score them on the test objects.
 
@@ -148,7 +148,7 @@ def read_splits(
     test: Dataset,
     kinds: Iterable[str],
     course: Course,
-    watch: Watch,
+    watch: ProgressWatch,
     *,
     population: str = ATTEMPTS,
 ) -> Splits:
@@ -204,7 +204,7 @@ def _check_labels(dataset: Dataset, split: str, population: str, rows: NDArray[n
 
 
 def train_on(
-    splits: Splits, kind: str, course: Course, dataset: Dataset, watch: Watch = unwatched
+    splits: Splits, kind: str, course: Course, dataset: Dataset, watch: ProgressWatch = unwatched
 ) -> Trained:
     """Fit a network of one kind."""
     facts: dict[str, Any] = {

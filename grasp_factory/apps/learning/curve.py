@@ -8,17 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.baselines.comparison import Course, population_of, read_splits, train_on
-from grasp_factory.baselines.report import shown
-from grasp_factory.baselines.scores import LEVEL, RANGE, Bootstrap, Estimate, auc, interval
-from grasp_factory.baselines.trivial import pose_only
-from grasp_factory.baselines.watching import Watch, unwatched
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.learning.comparison import Course, population_of, read_splits, train_on
+from grasp_factory.apps.learning.examples import Examples
+from grasp_factory.apps.learning.report import shown
+from grasp_factory.apps.learning.scores import LEVEL, RANGE, Bootstrap, Estimate, auc, interval
+from grasp_factory.apps.learning.trivial import pose_only
+from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.serialization import check
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.examples import Examples
-from grasp_factory.geometry import Array
-from grasp_factory.networks import KINDS
-from grasp_factory.records import check
+from grasp_factory.policies.networks import KINDS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class Curve:
 
 
 def learning_curve(
-    dataset: Dataset, test: Dataset, steps: Steps, course: Course, watch: Watch = unwatched
+    dataset: Dataset, test: Dataset, steps: Steps, course: Course, watch: ProgressWatch = unwatched
 ) -> Curve:
     """Fit a network, and the pose alone, on random parts of the train split.
 

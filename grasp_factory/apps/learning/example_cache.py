@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.networks.inputs import Inputs
+from grasp_factory.policies.networks.inputs import Inputs
 
 
 class KeptInputs:

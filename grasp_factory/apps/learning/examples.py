@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.crops import CropShape, grasp_relief
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.geometry import Array, pose_matrices
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.geometry import Array, pose_matrices
-from grasp_factory.networks.inputs import (
+from grasp_factory.policies.networks.inputs import (
     IMAGE,
     TOUCH,
     WIDTH,
@@ -23,7 +23,7 @@ from grasp_factory.networks.inputs import (
     touch_of,
     width_of,
 )
-from grasp_factory.outcome import Phase
+from grasp_factory.signals.grasp_crop import CropShape, grasp_relief
 
 TOUCH_STREAMS = ("timestamp", "phase", "tactile_wrench")
 INPUTS = (IMAGE, WIDTH, TOUCH)

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from sklearn.metrics import roc_curve
 
-from grasp_factory.baselines.comparison import Population
-from grasp_factory.baselines.report import shown
-from grasp_factory.baselines.scores import Estimate
+from grasp_factory.apps.learning.comparison import Population
+from grasp_factory.apps.learning.report import shown
+from grasp_factory.apps.learning.scores import Estimate
 
 COLORS: Mapping[str, str] = {
     "majority": "0.6",

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from grasp_factory.baselines.comparison import POPULATIONS, Comparison
-from grasp_factory.baselines.scores import FIGURES, LEVEL, RESAMPLES, Estimate
-from grasp_factory.records import to_plain
+from grasp_factory.apps.learning.comparison import POPULATIONS, Comparison
+from grasp_factory.apps.learning.scores import FIGURES, LEVEL, RESAMPLES, Estimate
+from grasp_factory.core.serialization import to_plain
 
 HEADINGS: Mapping[str, str] = {
     "auc": "AUC",

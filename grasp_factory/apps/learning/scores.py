@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array
+from grasp_factory.core.geometry import Array
 
 RESAMPLES = 1000
 LEVEL = 0.95
@@ -28,7 +28,7 @@ class Estimate:
 
 
 Truth = NDArray[np.bool_]
-Figure = Callable[[Truth, Array, Array], Array]
+ScoreFunction = Callable[[Truth, Array, Array], Array]
 """Of labels (K,), probabilities (K,) and R sets of weights (R, K): (R,).
 
 scikit-learn's take one set of weights and a millisecond for it, which a thousand resamples of
@@ -75,7 +75,7 @@ def _by_value(success: Truth, probability: Array, weight: Array) -> tuple[Array,
     )
 
 
-FIGURES: Mapping[str, Figure] = {
+FIGURES: Mapping[str, ScoreFunction] = {
     "auc": auc,
     "average_precision": average_precision,
     "accuracy": accuracy,
@@ -105,25 +105,25 @@ class Bootstrap:
         good = weight @ success
         self._weight = weight[(good > 0.0) & (good < weight.sum(axis=1))]  # others have no AUC
 
-    def estimate(self, figure: Figure, probability: Array) -> Estimate:
+    def estimate(self, figure: ScoreFunction, probability: Array) -> Estimate:
         """Return a figure of a predictor's probabilities (K,) with its interval."""
         drawn = self.over_resamples(figure, probability)
         return interval(self.whole(figure, probability), drawn, *RANGE)
 
-    def gain(self, figure: Figure, better: Array, worse: Array) -> Estimate:
+    def gain(self, figure: ScoreFunction, better: Array, worse: Array) -> Estimate:
         """Return by how much a figure of one predictor exceeds that of another."""
         drawn = self.over_resamples(figure, better) - self.over_resamples(figure, worse)
         return interval(self.whole(figure, better) - self.whole(figure, worse), drawn)
 
-    def whole(self, figure: Figure, probability: Array) -> float:
+    def whole(self, figure: ScoreFunction, probability: Array) -> float:
         """Return a figure over all episodes."""
         return float(figure(self._success, probability, np.ones((1, len(probability))))[0])
 
-    def over_resamples(self, figure: Figure, probability: Array) -> Array:
+    def over_resamples(self, figure: ScoreFunction, probability: Array) -> Array:
         """Return a figure over each resample, (R,)."""
         return figure(self._success, probability, self._weight)
 
-    def over_networks(self, figure: Figure, answers: Sequence[Array]) -> tuple[float, Array]:
+    def over_networks(self, figure: ScoreFunction, answers: Sequence[Array]) -> tuple[float, Array]:
         """Return a figure's mean over some networks' probabilities (K,), and its draws, (R,).
 
         Each resample of the objects draws networks, too, by their place: so figures of as many

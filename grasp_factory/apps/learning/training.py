@@ -14,14 +14,14 @@ from sklearn.linear_model import LogisticRegression
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from grasp_factory.baselines.watching import Watch, unwatched
-from grasp_factory.crops import CropShape
+from grasp_factory.apps.learning.examples import Examples
+from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.serialization import check, check_range
 from grasp_factory.errors import UsageError
-from grasp_factory.examples import Examples
-from grasp_factory.geometry import Array
-from grasp_factory.networks import KINDS, GraspModel, Inputs, TouchWindow, mirrored, take
-from grasp_factory.networks.nets import GraspNet
-from grasp_factory.records import check, check_range
+from grasp_factory.policies.networks import KINDS, GraspModel, Inputs, TouchWindow, mirrored, take
+from grasp_factory.policies.networks.nets import GraspNet
+from grasp_factory.signals.grasp_crop import CropShape
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ def fit(
     crop: CropShape,
     touch: TouchWindow,
     facts: Mapping[str, Any],
-    watch: Watch = unwatched,
+    watch: ProgressWatch = unwatched,
 ) -> Trained:
     """Fit a network; the same arguments give the same weights on the same machine.
 
@@ -111,7 +111,7 @@ def fit(
 
 
 def _descend(
-    model: GraspModel, train: Examples, val: Examples, settings: TrainSettings, watch: Watch
+    model: GraspModel, train: Examples, val: Examples, settings: TrainSettings, watch: ProgressWatch
 ) -> tuple[list[float], int]:
     """Leave the network with its best weights; return the losses on val and the best epoch."""
     network, rng = model.network, np.random.default_rng(settings.seed)

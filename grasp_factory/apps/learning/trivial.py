@@ -7,8 +7,8 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from grasp_factory.examples import Examples
-from grasp_factory.geometry import Array
+from grasp_factory.apps.learning.examples import Examples
+from grasp_factory.core.geometry import Array
 
 
 def majority(train: Examples, test: Examples) -> Array:

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
+ProgressWatch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 """From what is done, and in how many steps, to a context that gives what to call after each."""
 
 

@@ -6,11 +6,11 @@ reads what is committed, ``watch`` does all this in a thread of its own, ``view`
 
 from __future__ import annotations
 
-from grasp_factory.live.alarms import Alarm, AlarmBook, Finding, findings
-from grasp_factory.live.drift import SuccessDrift
-from grasp_factory.live.facts import BlockFacts, Disk, Facts
-from grasp_factory.live.state import Asked, LiveState
-from grasp_factory.live.view import LiveView
+from grasp_factory.apps.live.alarms import Alarm, AlarmBook, Finding, findings
+from grasp_factory.apps.live.drift import SuccessDrift
+from grasp_factory.apps.live.facts import BlockFacts, Disk, EpisodeFacts
+from grasp_factory.apps.live.state import Asked, LiveState
+from grasp_factory.apps.live.view import LiveView
 
 __all__ = [
     "Alarm",
@@ -18,7 +18,7 @@ __all__ = [
     "Asked",
     "BlockFacts",
     "Disk",
-    "Facts",
+    "EpisodeFacts",
     "Finding",
     "LiveState",
     "LiveView",

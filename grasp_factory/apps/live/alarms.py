@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grasp_factory.live.facts import Facts, Light
-from grasp_factory.live.state import MINUTE_S, LiveState
-from grasp_factory.live.windows import median
-from grasp_factory.quality import CRITERIA, Criterion
+from grasp_factory.apps.live.facts import Brightness, EpisodeFacts
+from grasp_factory.apps.live.state import MINUTE_S, LiveState
+from grasp_factory.apps.live.windows import median
+from grasp_factory.labels.quality import CRITERIA, Criterion
 
 BLACK, WHITE = 0.03, 0.97
 """Mean grey values, 0 to 1, beyond which an image shows nothing."""
@@ -161,7 +161,7 @@ def full_disk(state: LiveState, now: float) -> Finding | None:
     return Finding(kind="disk", text=text)
 
 
-LOOKS: Sequence[Callable[[LiveState, float], Finding | None]] = (
+ALARM_CHECKS: Sequence[Callable[[LiveState, float], Finding | None]] = (
     stall,
     full_disk,
     empty_streams,
@@ -176,7 +176,7 @@ LOOKS: Sequence[Callable[[LiveState, float], Finding | None]] = (
 
 def findings(state: LiveState, now: float) -> list[Finding]:
     """Return all that is wrong ``now`` seconds after the start, the most urgent first."""
-    return [found for look in LOOKS if (found := look(state, now))]
+    return [found for look in ALARM_CHECKS if (found := look(state, now))]
 
 
 class AlarmBook:
@@ -184,7 +184,7 @@ class AlarmBook:
 
     def __init__(self) -> None:
         self.lasting: dict[str, Alarm] = {}
-        """By kind, in the order of ``LOOKS``."""
+        """By kind, in the order of ``ALARM_CHECKS``."""
         self.past: list[Alarm] = []
         """The last that ended, oldest first."""
         self._told: dict[str, float] = {}
@@ -203,7 +203,9 @@ class AlarmBook:
         return fresh
 
 
-def _of_recent(kind: str, state: LiveState, found: Sequence[Facts], what: str) -> Finding | None:
+def _of_recent(
+    kind: str, state: LiveState, found: Sequence[EpisodeFacts], what: str
+) -> Finding | None:
     if not found:
         return None
     rows = tuple(sorted(fact.row for fact in found[-MOST_ROWS:]))
@@ -211,11 +213,11 @@ def _of_recent(kind: str, state: LiveState, found: Sequence[Facts], what: str) -
     return Finding(kind=kind, text=text, rows=rows)
 
 
-def _empty(fact: Facts) -> list[str]:
+def _empty(fact: EpisodeFacts) -> list[str]:
     return [column for column, length in fact.lengths.items() if not length]
 
 
-def _blank(fact: Facts) -> list[str]:
+def _blank(fact: EpisodeFacts) -> list[str]:
     """Return in words which images of an episode show nothing."""
     if fact.images:
         return [
@@ -223,18 +225,18 @@ def _blank(fact: Facts) -> list[str]:
         ]
     if not {"exposure", "clipped"} <= set(fact.measured):
         return []
-    worst = Light(mean=fact.measured["exposure"], clipped=fact.measured["clipped"])
+    worst = Brightness(mean=fact.measured["exposure"], clipped=fact.measured["clipped"])
     word = _word(worst)
     return [f"an image before is {word}"] if word else []
 
 
-def _word(light: Light) -> str:
+def _word(light: Brightness) -> str:
     if light.mean <= BLACK or light.mean >= WHITE or light.clipped >= CLIPPED:
         return "black" if light.mean < 0.5 else "white"
     return ""
 
 
-def _is_met(criterion: Criterion, fact: Facts, state: LiveState) -> bool:
+def _is_met(criterion: Criterion, fact: EpisodeFacts, state: LiveState) -> bool:
     value = fact.measured.get(criterion.column, np.nan)
     return bool(criterion.is_met(value, state.asked.quality))
 

@@ -7,19 +7,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from grasp_factory.blocks import Made
-from grasp_factory.dataset import Dataset
-from grasp_factory.inspection import exposure, grey
-from grasp_factory.quality import MEASURED
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.sizes import bytes_of_blocks
-from grasp_factory.writers.zarr import COMMITTED, QUARANTINED
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.factory.block_job import Made
+from grasp_factory.labels.image_metrics import exposure, grey
+from grasp_factory.labels.quality import MEASURED
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.sizes import bytes_of_blocks
+from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 FRAMES = ("before", "after")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Light:
+class Brightness:
     """How bright an image is."""
 
     mean: float
@@ -29,7 +29,7 @@ class Light:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class EpisodeFacts:
     """What is read of a committed episode."""
 
     row: int
@@ -41,7 +41,7 @@ class Facts:
     """Records by column: ``n_steps``, ``n_imu``, and ``n_video`` where there are videos."""
     measured: Mapping[str, float] = field(default_factory=dict)
     """By column: what the quality score is made from, as far as the store has it."""
-    images: Mapping[str, Light] = field(default_factory=dict)
+    images: Mapping[str, Brightness] = field(default_factory=dict)
     """By camera and frame, as ``front before``; of the episodes that were looked at."""
 
 
@@ -79,7 +79,7 @@ class BlockFacts:
             for m in made
         )
 
-    def read(self, made: Sequence[Made]) -> list[Facts]:
+    def read(self, made: Sequence[Made]) -> list[EpisodeFacts]:
         """Return the facts of episodes of one block, ascending, those in quarantine left out."""
         first, last = made[0].index, made[-1].index
         names = (*self._lengths, *self._measured, *self._more)
@@ -89,7 +89,7 @@ class BlockFacts:
             if m.outcome != "quarantined":
                 own = {name: values[name][m.index - first] for name in names}
                 out.append(
-                    Facts(
+                    EpisodeFacts(
                         row=m.index,
                         outcome=m.outcome,
                         object_id=str(own.get("object_id", "")),
@@ -101,13 +101,13 @@ class BlockFacts:
                 )
         return out
 
-    def images(self, row: int) -> dict[str, Light]:
+    def images(self, row: int) -> dict[str, Brightness]:
         """Look at an episode's images, of all cameras, before and after."""
         out = {}
         for camera in self._dataset.config.cameras:
             for frame, name in enumerate(FRAMES):
                 mean, clipped = exposure(grey(self._dataset.image(row, camera, "rgb", frame)))
-                out[f"{camera} {name}"] = Light(mean=mean, clipped=clipped)
+                out[f"{camera} {name}"] = Brightness(mean=mean, clipped=clipped)
         return out
 
     def disk(self, block: int | None) -> Disk:

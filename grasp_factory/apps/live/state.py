@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from grasp_factory.blocks import Made
-from grasp_factory.live.drift import Shift, SuccessDrift
-from grasp_factory.live.facts import Disk, Facts, Light
-from grasp_factory.live.windows import Pace, Windows
-from grasp_factory.quality import QualityConfig
+from grasp_factory.apps.live.drift import Shift, SuccessDrift
+from grasp_factory.apps.live.facts import Brightness, Disk, EpisodeFacts
+from grasp_factory.apps.live.windows import EpisodeRate, Windows
+from grasp_factory.factory.block_job import Made
+from grasp_factory.labels.quality import QualityConfig
 
 LATEST = 24
 """Episodes that are shown."""
@@ -33,7 +33,7 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class LiveMessage:
     """Something that a person should know, and when, in seconds after the start."""
 
     at: float
@@ -63,12 +63,12 @@ class LiveState:
         self.made = 0
         self.outcomes: Counter[str] = Counter()
         self.latest_at: float | None = None
-        self.windows, self.pace = Windows(), Pace()
+        self.windows, self.pace = Windows(), EpisodeRate()
         self.recent: deque[bool] = deque(maxlen=RECENT)
-        self.facts: deque[Facts] = deque(maxlen=RECENT)
+        self.facts: deque[EpisodeFacts] = deque(maxlen=RECENT)
         self.latest: deque[dict[str, Any]] = deque(maxlen=LATEST)
         self.waiting: dict[int, list[Made]] = {}
-        self.losses: deque[Told] = deque(maxlen=LATEST)
+        self.losses: deque[LiveMessage] = deque(maxlen=LATEST)
         self.lost = 0
         self.disk: Disk | None = None
         self._drift = SuccessDrift(asked.to_make)
@@ -109,9 +109,9 @@ class LiveState:
     def lose(self, text: str, at: float) -> None:
         """Follow the loss of a worker."""
         self.lost += 1
-        self.losses.append(Told(at=at, text=text))
+        self.losses.append(LiveMessage(at=at, text=text))
 
-    def commit(self, block: int, facts: Iterable[Facts]) -> None:
+    def commit(self, block: int, facts: Iterable[EpisodeFacts]) -> None:
         """Follow a block's commit, with the facts of its episodes."""
         found = {fact.row: fact for fact in facts}
         for made in self.waiting.pop(block):
@@ -120,7 +120,7 @@ class LiveState:
             if fact is not None:
                 self.facts.append(fact)
 
-    def look(self, row: int, images: dict[str, Light]) -> None:
+    def look(self, row: int, images: dict[str, Brightness]) -> None:
         """Add what was seen in an episode's images to its facts, if they are still there."""
         for place, fact in enumerate(self.facts):
             if fact.row == row:
@@ -137,7 +137,7 @@ class LiveState:
         return self.left / rate if rate > 0.0 else None
 
 
-def _entry(made: Made, fact: Facts | None) -> dict[str, Any]:
+def _entry(made: Made, fact: EpisodeFacts | None) -> dict[str, Any]:
     """Return what the page shows of an episode that is in the store."""
     return {
         "row": made.index,

@@ -18,14 +18,14 @@ from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from grasp_factory.blocks import Made
-from grasp_factory.browse import require_server
+from grasp_factory.apps.browse import require_server
+from grasp_factory.apps.live.watch import FAILED, FINISHED, RUNNING, RunWatch, in_a_line
 from grasp_factory.errors import UsageError
-from grasp_factory.factory import Plan
-from grasp_factory.live.watch import FAILED, FINISHED, RUNNING, Watch, in_a_line
+from grasp_factory.factory.block_job import Made
+from grasp_factory.factory.generate import RunPlan
 
 if TYPE_CHECKING:
-    from grasp_factory.browse.serving import Server
+    from grasp_factory.apps.browse.serving import Server
 
 HOST = "127.0.0.1"
 LONGEST_ERROR = 500
@@ -59,7 +59,7 @@ class LiveView:
             UsageError: if the port cannot be had, or what serves pages is not installed.
         """
         require_server()
-        from grasp_factory.browse.serving import listen
+        from grasp_factory.apps.browse.serving import listen
 
         try:
             self._socket: socket.socket | None = listen(HOST, port)
@@ -67,22 +67,22 @@ class LiveView:
             why = str(error).partition(": ")[2].replace("--port", "--live-port")
             raise UsageError(f"--live-port {port}: {why}") from None
         self._tell, self._announce = tell, announce
-        self._watch: Watch | None = None
+        self._watch: RunWatch | None = None
         self._server: Server | None = None
         self._opener = threading.Thread(target=self._open, name="live view", daemon=True)
         self._token = secrets.token_urlsafe(24)
         self._asked_at = float("-inf")
         self._has_last_word = threading.Event()
 
-    def start(self, plan: Plan) -> None:
+    def start(self, plan: RunPlan) -> None:
         """Watch what a plan makes, and tell where it can be seen; nothing if it makes nothing."""
         if not plan.blocks or self._socket is None:
             return
-        from grasp_factory.browse.serving import address
+        from grasp_factory.apps.browse.serving import address
 
         url = address(HOST, self._socket.getsockname()[1], self._token)
         with self._costing_nothing("cannot be started"), _signals_elsewhere():
-            watch = Watch(plan, self._tell)
+            watch = RunWatch(plan, self._tell)
             watch.begin()
             self._watch = watch
             self._opener.start()
@@ -99,7 +99,7 @@ class LiveView:
             self._watch.loss(text)
 
     def snapshot(self) -> dict[str, Any]:
-        """Return how the run stands, for the page; see ``Watch.snapshot``."""
+        """Return how the run stands, for the page; see ``RunWatch.snapshot``."""
         assert self._watch is not None  # the server starts after it
         self._asked_at = time.monotonic()
         found = self._watch.snapshot()
@@ -139,9 +139,9 @@ class LiveView:
         assert self._watch is not None
         assert self._socket is not None
         with self._costing_nothing("cannot be served"):
-            from grasp_factory.browse.app import create_app
-            from grasp_factory.browse.serving import Server, own_names
-            from grasp_factory.index import fresh
+            from grasp_factory.apps.browse.app import create_app
+            from grasp_factory.apps.browse.serving import Server, own_names
+            from grasp_factory.dataset.index import fresh
 
             index = fresh([self._watch.path])
             app = create_app(index, self._token, own_names(HOST), live=self)

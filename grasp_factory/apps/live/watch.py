@@ -13,12 +13,12 @@ from datetime import UTC, datetime, timedelta
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from grasp_factory.blocks import LONGEST_REASON, Made
-from grasp_factory.factory import Plan
-from grasp_factory.live.alarms import AlarmBook, findings
-from grasp_factory.live.facts import BlockFacts
-from grasp_factory.live.state import Asked, LiveState
-from grasp_factory.records import to_plain
+from grasp_factory.apps.live.alarms import AlarmBook, findings
+from grasp_factory.apps.live.facts import BlockFacts
+from grasp_factory.apps.live.state import Asked, LiveState
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.factory.block_job import LONGEST_REASON, Made
+from grasp_factory.factory.generate import RunPlan
 
 STEP_S = 1.0
 """Seconds from a look at the run to the next."""
@@ -28,14 +28,14 @@ RUNNING, FINISHED, FAILED = "running", "finished", "failed"
 """How a run stands."""
 
 
-class Watch:
+class RunWatch:
     """Follows one run; ``snapshot`` may be asked for at any time, by any thread.
 
     Attributes:
         path: of the store.
     """
 
-    def __init__(self, plan: Plan, tell: Callable[[str], None]) -> None:
+    def __init__(self, plan: RunPlan, tell: Callable[[str], None]) -> None:
         """Watch what a plan makes.
 
         Args:

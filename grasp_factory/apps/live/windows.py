@@ -64,7 +64,7 @@ class Windows:
         self.size *= 2
 
 
-class Pace:
+class EpisodeRate:
     """How many episodes came in each tick of the clock, counted from the start."""
 
     def __init__(self) -> None:

@@ -6,14 +6,14 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from grasp_factory.checks import coulomb, held, inertial, labels
-from grasp_factory.checks.figure import Figure
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.world import World
+from grasp_factory.apps.physics_check import coulomb, held, inertial, label_convergence
+from grasp_factory.apps.physics_check.figure import Figure
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.episode import Episode
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +51,17 @@ def check_physics(
         yield from held.at_rest(successes)
         yield from inertial.at_rest(successes)
         yield from inertial.noise_model()
-        yield from labels.overlaps(default)
+        yield from label_convergence.overlaps(default)
         on_part(f"{effort.stepwise} episodes recorded at every step")
         yield from held.in_motion(_successes(world, _stepwise_config(), effort.stepwise))
         on_part("the holding threshold of a cube")
         yield from coulomb.threshold(world)
         if effort.finer:
             on_part(f"{effort.finer} of the default episodes with finer steps")
-            yield from labels.against_finer_steps(world, default[: effort.finer])
+            yield from label_convergence.against_finer_steps(world, default[: effort.finer])
         if effort.per_policy:
             on_part(f"{effort.per_policy} episodes of each policy on held-out blobs")
-            yield from labels.success_of_policies(world, effort.per_policy)
+            yield from label_convergence.success_of_policies(world, effort.per_policy)
 
 
 def _episodes(world: World, config: FactoryConfig, n: int) -> list[Episode]:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 
-from grasp_factory.checks.figure import Figure, at_most
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import EpisodeSpec, ObjectSpec
-from grasp_factory.geometry import Pose
+from grasp_factory.apps.physics_check.figure import Figure, at_most
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sections import LabelConfig, ShakeConfig
+from grasp_factory.core.episode import EpisodeSpec, ObjectSpec
+from grasp_factory.core.geometry import Pose
 from grasp_factory.objects import OBJECT_SETS
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.sections import LabelConfig, ShakeConfig
-from grasp_factory.world import World
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 EXPECTED_FORCE = 20.0
 """N with which each pad must squeeze, by Coulomb, for the box to stay."""

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from grasp_factory.balance import Indices, acceleration, pads_on_target
-from grasp_factory.checks.figure import Figure, percentiles
-from grasp_factory.episode import Episode
-from grasp_factory.geometry import Array, quat_xyzw_to_matrix
-from grasp_factory.labels import target_com, touching
-from grasp_factory.outcome import Phase
+from grasp_factory.apps.physics_check.figure import Figure, percentiles
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix
+from grasp_factory.labels.force_balance import Indices, acceleration, pads_on_target
+from grasp_factory.labels.rule import target_com, touching
 from grasp_factory.robots import ROBOTS
 from grasp_factory.signals import compensate_gravity
 

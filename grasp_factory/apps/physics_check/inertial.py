@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from grasp_factory.checks.figure import Figure, at_most
-from grasp_factory.episode import Episode
-from grasp_factory.geometry import Array
-from grasp_factory.outcome import Phase
+from grasp_factory.apps.physics_check.figure import Figure, at_most
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.geometry import Array
 from grasp_factory.signals import BMI088, apply_imu_noise
 
 NOISE_HZ = 400

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from grasp_factory.checks.figure import Figure, at_most, percentiles
-from grasp_factory.config import FactoryConfig
-from grasp_factory.episode import Episode, EpisodeSpec
-from grasp_factory.outcome import Outcome
-from grasp_factory.rollout import run_episode
-from grasp_factory.sampling import sample_spec
-from grasp_factory.world import World
+from grasp_factory.apps.physics_check.figure import Figure, at_most, percentiles
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.rollout import run_episode
+from grasp_factory.simulation.world import World
 
 FINER = 4
 """How many times finer the contact phases are stepped for comparison."""

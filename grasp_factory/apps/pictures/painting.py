@@ -9,25 +9,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import project
-from grasp_factory.episode import CameraFrames, Episode
-from grasp_factory.geometry import Array, apply, inverse, quat_xyzw_to_matrix, transform
-from grasp_factory.outcome import Label, names
+from grasp_factory.core.camera import project
+from grasp_factory.core.enums import Label, names
+from grasp_factory.core.episode import CameraFrames, Episode
+from grasp_factory.core.geometry import Array, apply, inverse, quat_xyzw_to_matrix, transform
 
-Image = NDArray[np.uint8]
-Color = tuple[int, int, int]
+BgrImage = NDArray[np.uint8]
+BgrColor = tuple[int, int, int]
 
-INK: Color = (45, 40, 38)
-PALE: Color = (140, 132, 128)
-PAPER: Color = (250, 249, 248)
-WHITE: Color = (255, 255, 255)
-GREEN: Color = (78, 142, 40)
-RED: Color = (52, 52, 200)
-GRASP_COLOR: Color = (255, 0, 255)
-NOTHING: Color = (70, 66, 64)
+INK: BgrColor = (45, 40, 38)
+PALE: BgrColor = (140, 132, 128)
+PAPER: BgrColor = (250, 249, 248)
+WHITE: BgrColor = (255, 255, 255)
+GREEN: BgrColor = (78, 142, 40)
+RED: BgrColor = (52, 52, 200)
+GRASP_COLOR: BgrColor = (255, 0, 255)
+NOTHING: BgrColor = (70, 66, 64)
 """Where a depth image sees nothing."""
 
-LABEL_COLORS: dict[str, Color] = {
+LABEL_COLORS: dict[str, BgrColor] = {
     "background": (52, 48, 46),
     "floor": (112, 104, 100),
     "table": (150, 190, 214),
@@ -36,7 +36,12 @@ LABEL_COLORS: dict[str, Color] = {
     "target": (70, 60, 224),
 }
 """By the words of ``Label``."""
-OTHER_COLORS: tuple[Color, ...] = ((160, 176, 70), (176, 90, 150), (90, 200, 140), (200, 150, 220))
+OTHER_COLORS: tuple[BgrColor, ...] = (
+    (160, 176, 70),
+    (176, 90, 150),
+    (90, 200, 140),
+    (200, 150, 220),
+)
 """Objects beyond the target take these in turn."""
 
 NEAR = 0.01
@@ -46,7 +51,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def put_text(
-    image: Image, text: str, at: tuple[int, int], color: Color = INK, height: int = 13
+    image: BgrImage, text: str, at: tuple[int, int], color: BgrColor = INK, height: int = 13
 ) -> int:
     """Write ASCII text with its left end and vertical middle at ``at``; return its width."""
     scale = height / 22.0  # the font's capitals are 22 px high at scale 1
@@ -56,7 +61,9 @@ def put_text(
     return int(width)
 
 
-def put_badge(image: Image, text: str, at: tuple[int, int], color: Color, height: int = 22) -> int:
+def put_badge(
+    image: BgrImage, text: str, at: tuple[int, int], color: BgrColor, height: int = 22
+) -> int:
     """Draw white text in a rounded box whose left middle is at ``at``; return its width."""
     (text_width, _), _ = cv2.getTextSize(text, _FONT, 13 / 22.0, 1)
     width, radius = int(text_width) + height, height // 2
@@ -71,7 +78,7 @@ def put_badge(image: Image, text: str, at: tuple[int, int], color: Color, height
     return width
 
 
-def depth_picture(depth: NDArray[np.float32], near: float, far: float, nothing: float) -> Image:
+def depth_picture(depth: NDArray[np.float32], near: float, far: float, nothing: float) -> BgrImage:
     """Return a depth image (H, W) in metres as colours: ``near`` red, ``far`` blue.
 
     Pixels at ``nothing`` metres or beyond, where the camera sees nothing, are dark.
@@ -82,17 +89,17 @@ def depth_picture(depth: NDArray[np.float32], near: float, far: float, nothing: 
     return np.asarray(colors, np.uint8)
 
 
-def depth_bar(width: int, height: int) -> Image:
+def depth_bar(width: int, height: int) -> BgrImage:
     """Return the legend of ``depth_picture``, from near on the left to far on the right."""
     return depth_picture(np.tile(np.linspace(0, 1, width, dtype=np.float32), (height, 1)), 0, 1, 9)
 
 
-def label_picture(segmentation: NDArray[np.uint8]) -> Image:
+def label_picture(segmentation: NDArray[np.uint8]) -> BgrImage:
     """Return a segmentation image (H, W) with one colour per label."""
     return label_palette()[segmentation]
 
 
-def label_palette() -> Image:
+def label_palette() -> BgrImage:
     """Return the colour of every label value, (256, 3)."""
     words = names(Label)
     table = [LABEL_COLORS[word] for word in words]
@@ -121,7 +128,7 @@ def grasp_pixels(episode: Episode, frames: CameraFrames) -> Array | None:
     return pixels if np.isfinite(pixels).all() else None
 
 
-def put_grasp(image: Image, pixels: Array) -> None:
+def put_grasp(image: BgrImage, pixels: Array) -> None:
     """Draw a grasp: a bar between the pads, a stem along the approach, both finely outlined."""
     left, right, tcp, back = (tuple(int(v) for v in np.rint(p)) for p in pixels)
     for color, thickness in ((WHITE, 4), (GRASP_COLOR, 2)):

@@ -8,14 +8,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from grasp_factory import painting
-from grasp_factory.config import FactoryConfig
+from grasp_factory.apps.pictures import painting
+from grasp_factory.apps.pictures.painting import BgrImage
+from grasp_factory.apps.pictures.tiles import grid
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.errors import RecipeError, UsageError
-from grasp_factory.painting import Image
-from grasp_factory.sampling import sample_spec
-from grasp_factory.scene import build_scene, look, settle
-from grasp_factory.tiles import grid
-from grasp_factory.world import World
+from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.scene import build_scene, render_cameras, settle
+from grasp_factory.simulation.world import World
 
 TILE_WIDTH = 240
 CAPTION = 20
@@ -26,7 +26,7 @@ SHAPE = 4 / 3
 """Columns over rows, about."""
 
 
-def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) -> Image:
+def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) -> BgrImage:
     """Return a grid of the first ``n`` scenes of a dataset, BGR, each with number and target.
 
     The scenes are dropped and settled as for an attempt, and seen by the first camera. A scene
@@ -49,19 +49,19 @@ def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) ->
     return grid(tiles, math.ceil(math.sqrt(n * SHAPE)))
 
 
-def _tile(world: World, config: FactoryConfig, index: int) -> Image:
+def _tile(world: World, config: FactoryConfig, index: int) -> BgrImage:
     spec = sample_spec(config, index)
     width, height = config.resolution
-    picture: Image = np.full((height, width, 3), painting.NOTHING, np.uint8)
+    picture: BgrImage = np.full((height, width, 3), painting.NOTHING, np.uint8)
     words = f"#{index} {spec.objects[0].object_id}"
     try:
         scene = build_scene(world, spec)
         settle(scene)
-        _, render = look(scene)[next(iter(config.cameras))]
+        _, render = render_cameras(scene)[next(iter(config.cameras))]
         picture = np.ascontiguousarray(render.rgb[..., ::-1])
     except RecipeError as error:
         words = f"#{index} {error}"
-    strip: Image = np.full((CAPTION, width, 3), painting.PAPER, np.uint8)
+    strip: BgrImage = np.full((CAPTION, width, 3), painting.PAPER, np.uint8)
     painting.put_text(
         strip, words.encode("ascii", "replace").decode(), (2, CAPTION // 2), height=10
     )

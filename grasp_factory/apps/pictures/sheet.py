@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import painting
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import CameraFrames, Episode
+from grasp_factory.apps.pictures import painting
+from grasp_factory.apps.pictures.painting import BgrImage
+from grasp_factory.core.enums import Label, label_names
+from grasp_factory.core.episode import CameraFrames, Episode
+from grasp_factory.core.output_file import FileKind, check_out, written_aside
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.outcome import Label, label_names
-from grasp_factory.outfile import FileKind, check_out, written_aside
-from grasp_factory.painting import Image
 
 COLUMNS = ("before", "after", "depth before", "segmentation before")
 PANEL_WIDTH = 320
@@ -73,7 +73,7 @@ def chosen(
 
 def sheet_of(
     dataset: Dataset, indices: Sequence[int] | None, camera: str, n: int | None = None
-) -> Image:
+) -> BgrImage:
     """Return the sheet of a store's episodes; without ``indices``, of a choice of them.
 
     Args:
@@ -91,7 +91,7 @@ def sheet_of(
     return draw_sheet([dataset[row] for row in rows], camera)
 
 
-def draw_sheet(episodes: Sequence[Episode], camera: str) -> Image:
+def draw_sheet(episodes: Sequence[Episode], camera: str) -> BgrImage:
     """Return the sheet, BGR: a caption and four panels for each episode.
 
     Raises:
@@ -104,7 +104,7 @@ def draw_sheet(episodes: Sequence[Episode], camera: str) -> Image:
     panel = _panel_size(first)
     height = HEADER + len(episodes) * (CAPTION + panel[1] + GAP) + MARGIN
     width = 2 * MARGIN + len(COLUMNS) * panel[0] + (len(COLUMNS) - 1) * GAP
-    sheet: Image = np.full((height, width, 3), painting.PAPER, np.uint8)
+    sheet: BgrImage = np.full((height, width, 3), painting.PAPER, np.uint8)
     span = _depth_span(episodes, camera)
     _draw_header(sheet, panel[0], span)
     for i, episode in enumerate(episodes):
@@ -125,7 +125,7 @@ def check_png(path: Path) -> None:
     check_out(path, [PNG])
 
 
-def write_png(path: Path, image: Image) -> None:
+def write_png(path: Path, image: BgrImage) -> None:
     """Write an image as PNG.
 
     Raises:
@@ -183,7 +183,7 @@ def _depths_of_interest(frames: CameraFrames) -> NDArray[np.float32]:
     return np.asarray(values[np.isfinite(values)])
 
 
-def _draw_header(sheet: Image, panel_width: int, span: tuple[float, float]) -> None:
+def _draw_header(sheet: BgrImage, panel_width: int, span: tuple[float, float]) -> None:
     lefts = _lefts(panel_width)
     for x, title in zip(lefts, COLUMNS, strict=True):
         painting.put_text(sheet, title, (x, 20), painting.INK, 15)
@@ -200,7 +200,7 @@ def _draw_header(sheet: Image, panel_width: int, span: tuple[float, float]) -> N
             x += 14 + painting.put_text(sheet, word, (x + 14, 44), painting.PALE, 11) + 10
 
 
-def _draw_caption(sheet: Image, episode: Episode, at: tuple[int, int]) -> None:
+def _draw_caption(sheet: BgrImage, episode: Episode, at: tuple[int, int]) -> None:
     color = painting.GREEN if episode.success else painting.RED
     word = episode.outcome.name.lower().replace("_", " ")
     x = at[0] + painting.put_badge(sheet, word, at, color) + 12
@@ -209,7 +209,7 @@ def _draw_caption(sheet: Image, episode: Episode, at: tuple[int, int]) -> None:
 
 def _panels(
     episode: Episode, camera: str, size: tuple[int, int], span: tuple[float, float]
-) -> list[Image]:
+) -> list[BgrImage]:
     frames = episode.cameras[camera]
     far = episode.spec.cameras[camera].far
     before, after = (_fit(image[..., ::-1], size) for image in frames.rgb)
@@ -224,7 +224,7 @@ def _panels(
     ]
 
 
-def _fit(image: Image, size: tuple[int, int], *, exact: bool = False) -> Image:
+def _fit(image: BgrImage, size: tuple[int, int], *, exact: bool = False) -> BgrImage:
     """Scale an image; ``exact`` keeps its colours unmixed."""
     shrinks = image.shape[1] >= size[0]
     how = cv2.INTER_NEAREST if exact else cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC

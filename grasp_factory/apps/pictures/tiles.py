@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import painting
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.pictures import painting
+from grasp_factory.apps.pictures.painting import BgrImage
+from grasp_factory.apps.pictures.sheet import WORTH_TELLING, chosen
+from grasp_factory.core.enums import Outcome
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.outcome import Outcome
-from grasp_factory.painting import Image
-from grasp_factory.sheet import WORTH_TELLING, chosen
-from grasp_factory.writers.zarr import QUARANTINED
+from grasp_factory.writers.zarr.writer import QUARANTINED
 
 DEFAULT, MOST = 60, 600
 """Episodes of a sheet: without being told, and at most."""
@@ -41,7 +41,7 @@ def tiles_of(
     camera: str,
     n: int | None = None,
     across: int | None = None,
-) -> Image:
+) -> BgrImage:
     """Return a sheet of tiles, BGR, in the order of ``indices``.
 
     A quarantined episode has a tile without images that says why.
@@ -64,7 +64,7 @@ def tiles_of(
     rows = chosen(dataset, indices, n, default=DEFAULT, most=MOST)
     if not rows:
         raise UsageError("there is no episode to draw")
-    tiles: list[Image] = []
+    tiles: list[BgrImage] = []
     status = dataset.status
     for start in range(0, len(rows), TOGETHER):
         some = rows[start : start + TOGETHER]
@@ -77,19 +77,19 @@ def tiles_of(
     height, width = tiles[0].shape[:2]
     columns = across or math.ceil(math.sqrt(len(tiles) * SHAPE * height / width))
     sheet = grid(tiles, min(columns, len(tiles)))
-    head: Image = np.full((HEADER, sheet.shape[1], 3), painting.PAPER, np.uint8)
+    head: BgrImage = np.full((HEADER, sheet.shape[1], 3), painting.PAPER, np.uint8)
     store, length = dataset.path.name, len(dataset)
     title = f"{store}: {len(rows)} of {length} episodes, before and after, camera {camera}"
     painting.put_text(head, _ascii(title), (GAP, HEADER // 2 + 2), height=14)
     return np.vstack([head, sheet])
 
 
-def grid(tiles: Sequence[Image], columns: int) -> Image:
+def grid(tiles: Sequence[BgrImage], columns: int) -> BgrImage:
     """Return pictures of one size side by side, row by row."""
     height, width = tiles[0].shape[:2]
     rows = math.ceil(len(tiles) / columns)
     shape = (rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3)
-    image: Image = np.full(shape, painting.PAPER, np.uint8)
+    image: BgrImage = np.full(shape, painting.PAPER, np.uint8)
     for i, tile in enumerate(tiles):
         top, left = (GAP + step * (side + GAP) for step, side in
                      zip(divmod(i, columns), (height, width), strict=True))  # fmt: skip
@@ -97,13 +97,13 @@ def grid(tiles: Sequence[Image], columns: int) -> Image:
     return image
 
 
-def _pictures(dataset: Dataset, rows: Sequence[int], camera: str) -> dict[int, Image]:
+def _pictures(dataset: Dataset, rows: Sequence[int], camera: str) -> dict[int, BgrImage]:
     """Return before and after of each row, side by side, BGR."""
     before, after = (dataset.images(rows, camera, "rgb", frame) for frame in (0, 1))
     pictures = {}
     for k, row in enumerate(rows):
         left, right = _small(before[k]), _small(after[k])
-        seam: Image = np.full((len(left), SEAM, 3), painting.PAPER, np.uint8)
+        seam: BgrImage = np.full((len(left), SEAM, 3), painting.PAPER, np.uint8)
         pictures[row] = np.hstack([left, seam, right])
     return pictures
 
@@ -122,23 +122,23 @@ def _captions(dataset: Dataset, rows: Sequence[int]) -> list[tuple[Outcome, str,
     return out
 
 
-def _tile(picture: Image, words: tuple[Outcome, str, str]) -> Image:
+def _tile(picture: BgrImage, words: tuple[Outcome, str, str]) -> BgrImage:
     outcome, figures, target = words
     color = painting.GREEN if outcome is Outcome.SUCCESS else painting.RED
     return np.vstack([picture, _strip(color, _word(outcome.name), figures, target)])
 
 
-def _no_tile(dataset: Dataset, row: int) -> Image:
+def _no_tile(dataset: Dataset, row: int) -> BgrImage:
     """Return the tile of a quarantined row."""
     width, height = dataset.config.resolution
     size = (_height(width, height), WIDTH, 3)
     reason = str(dataset.column("error")[row])
-    empty: Image = np.full(size, painting.NOTHING, np.uint8)
+    empty: BgrImage = np.full(size, painting.NOTHING, np.uint8)
     return np.vstack([empty, _strip(painting.PALE, "quarantined", f"#{row}", reason)])
 
 
-def _strip(color: painting.Color, word: str, figures: str, below: str) -> Image:
-    strip: Image = np.full((CAPTION, WIDTH, 3), painting.PAPER, np.uint8)
+def _strip(color: painting.BgrColor, word: str, figures: str, below: str) -> BgrImage:
+    strip: BgrImage = np.full((CAPTION, WIDTH, 3), painting.PAPER, np.uint8)
     cv2.rectangle(strip, (0, 0), (WIDTH, 2), color, cv2.FILLED)
     x = painting.put_text(strip, word, (2, 13), color, 11)
     painting.put_text(strip, _ascii(figures), (x + 10, 13), painting.INK, 11)
@@ -148,7 +148,7 @@ def _strip(color: painting.Color, word: str, figures: str, below: str) -> Image:
     return strip
 
 
-def _small(rgb: NDArray[np.uint8]) -> Image:
+def _small(rgb: NDArray[np.uint8]) -> BgrImage:
     size = (PANEL, _height(rgb.shape[1], rgb.shape[0]))
     how = cv2.INTER_AREA if rgb.shape[1] >= PANEL else cv2.INTER_CUBIC
     image = cv2.resize(np.ascontiguousarray(rgb[..., ::-1]), size, interpolation=how)

@@ -14,20 +14,21 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory import carried, painting
-from grasp_factory.camera import Camera
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode, EpisodeSpec
+from grasp_factory.apps.pictures import painting
+from grasp_factory.apps.pictures.painting import BgrImage
+from grasp_factory.apps.playback.track import Track, phase_at
+from grasp_factory.apps.playback.video_file import check_video, nearest_fps, video_file
+from grasp_factory.core.camera import Camera
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.sections import CameraConfig
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.geometry import Pose
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.geometry import Pose
-from grasp_factory.painting import Image
-from grasp_factory.scene import Scene, build_scene, look
-from grasp_factory.sections import CameraConfig
-from grasp_factory.sensors import Render
-from grasp_factory.track import Track, phase_at
-from grasp_factory.videofile import check_video, nearest_fps, video_file
-from grasp_factory.world.posed import PosedWorld
+from grasp_factory.factory import embedded_assets
+from grasp_factory.simulation.scene import Scene, build_scene, render_cameras
+from grasp_factory.simulation.sensors import Render
+from grasp_factory.simulation.world.posed import PosedWorld
 
 CAPTION = 28
 """Pixels below each frame for the caption."""
@@ -151,7 +152,7 @@ class VideoPlan:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Video:
+class WrittenVideo:
     """A video that was written."""
 
     path: str
@@ -192,11 +193,11 @@ class Playback:
         for body, (x, y, z, *quat) in zip(self._scene.objects, posture.objects, strict=True):
             i, j, k, w = quat
             self._world.place_body(body, Pose((x, y, z), (i, j, k, w)))
-        return look(self._scene)["view"]
+        return render_cameras(self._scene)["view"]
 
-    def frames(self, times: Iterable[float]) -> Iterator[tuple[float, Image]]:
+    def frames(self, times: Iterable[float]) -> Iterator[tuple[float, BgrImage]]:
         """Yield time (s) and picture, BGR, of every frame; one that stands still is drawn once."""
-        shown: tuple[float, Image] | None = None
+        shown: tuple[float, BgrImage] | None = None
         for time in times:
             if shown is None or shown[0] != time:
                 rgb = self.render(time)[1].rgb
@@ -204,12 +205,12 @@ class Playback:
             yield shown
 
 
-def captioned(image: Image, episode: Episode, time: float, speed: float) -> Image:
+def captioned(image: BgrImage, episode: Episode, time: float, speed: float) -> BgrImage:
     """Return a frame with a strip below: outcome, time, phase, and what is grasped.
 
     What does not fit is cut off at the right.
     """
-    strip: Image = np.full((CAPTION, image.shape[1], 3), painting.PAPER, np.uint8)
+    strip: BgrImage = np.full((CAPTION, image.shape[1], 3), painting.PAPER, np.uint8)
     middle, color = CAPTION // 2, painting.GREEN if episode.success else painting.RED
     word = episode.outcome.name.lower().replace("_", " ")
     x = 4 + painting.put_badge(strip, word, (4, middle), color, height=18) + 10
@@ -254,14 +255,14 @@ def plan_video(dataset: Dataset, index: int, out: Path, view: View) -> VideoPlan
     return plan
 
 
-def write_video(plan: VideoPlan, on_frame: Callable[[], None] = lambda: None) -> Video:
+def write_video(plan: VideoPlan, on_frame: Callable[[], None] = lambda: None) -> WrittenVideo:
     """Write the video of a stored attempt, calling ``on_frame`` after each of its frames.
 
     Raises:
         StoreError: if it cannot be written, or what the store carries is damaged.
         RecipeError: if an object of the episode cannot be loaded.
     """
-    carried.unpack(plan.dataset.path, plan.dataset.config)
+    embedded_assets.unpack(plan.dataset.path, plan.dataset.config)
     fps, frames = plan.pace.fps, len(plan.times)
     with (
         video_file(plan.out, plan.size, fps, frames) as sink,
@@ -274,4 +275,4 @@ def write_video(plan: VideoPlan, on_frame: Callable[[], None] = lambda: None) ->
             else:
                 sink.add(image)
             on_frame()
-    return Video(path=str(plan.out), frames=frames, fps=fps, size=plan.size)
+    return WrittenVideo(path=str(plan.out), frames=frames, fps=fps, size=plan.size)

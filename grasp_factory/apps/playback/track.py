@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.episode import Episode
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import lookup
-from grasp_factory.geometry import Array
-from grasp_factory.outcome import Phase
 from grasp_factory.robots import ROBOTS
 
 

@@ -9,12 +9,10 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from grasp_factory.apps.pictures.painting import BgrImage
+from grasp_factory.core.output_file import FileKind, check_out, written_aside
 from grasp_factory.errors import UsageError
-from grasp_factory.outfile import FileKind, check_out, written_aside
-
-Image = NDArray[np.uint8]
 
 MP4 = FileKind(what="an MP4 video", suffix=".mp4", magic=b"ftyp", offset=4)
 GIF = FileKind(what="a GIF animation", suffix=".gif", magic=b"GIF8")
@@ -31,7 +29,7 @@ LARGEST_GIF = 2**30
 class FrameSink(Protocol):
     """What takes the frames of a video, one after the other."""
 
-    def add(self, image: Image) -> None:
+    def add(self, image: BgrImage) -> None:
         """Append a frame, BGR (height, width, 3)."""
 
 
@@ -98,7 +96,7 @@ class _Mp4:
         if not self._writer.isOpened():
             raise OSError("OpenCV cannot make an MP4 video there")
 
-    def add(self, image: Image) -> None:
+    def add(self, image: BgrImage) -> None:
         """Append a frame."""
         self._writer.write(np.ascontiguousarray(np.pad(image, self._pad, "edge")))
         self._written += 1
@@ -132,9 +130,9 @@ class _Gif:
     """A GIF file, which OpenCV writes at once."""
 
     def __init__(self) -> None:
-        self._frames: list[Image] = []
+        self._frames: list[BgrImage] = []
 
-    def add(self, image: Image) -> None:
+    def add(self, image: BgrImage) -> None:
         """Append a frame."""
         self._frames.append(np.ascontiguousarray(image))
 

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from grasp_factory.recordings.sdk import RRD, default_file, open_viewer, require_rerun
+from grasp_factory.apps.rerun.sdk import RRD, default_file, open_viewer, require_rerun
 
 __all__ = ["RRD", "default_file", "open_viewer", "require_rerun"]

@@ -9,13 +9,13 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from grasp_factory.clouds import PointCloud
-from grasp_factory.episode import CameraFrames, Episode
-from grasp_factory.geometry import Array, Pose, look_at, pose_matrices
-from grasp_factory.outcome import label_names
-from grasp_factory.painting import label_palette
-from grasp_factory.recordings.clock import poses, seconds
-from grasp_factory.sections import Mount
+from grasp_factory.apps.pictures.painting import label_palette
+from grasp_factory.apps.rerun.clock import poses, seconds
+from grasp_factory.core.config.sections import Mount
+from grasp_factory.core.enums import label_names
+from grasp_factory.core.episode import CameraFrames, Episode
+from grasp_factory.core.geometry import Array, Pose, look_at, pose_matrices
+from grasp_factory.signals.point_cloud import PointCloud
 
 CAMERAS = "world/cameras"
 CLOUD = "world/cloud"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import rerun as rr
 
-from grasp_factory.geometry import Array
+from grasp_factory.core.geometry import Array
 
 TIME = "time"
 

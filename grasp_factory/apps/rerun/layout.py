@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from grasp_factory.curves import CurveGroup
-from grasp_factory.recordings.cameras import CAMERAS
-from grasp_factory.recordings.clock import TIME
-from grasp_factory.recordings.series import LOG, PHASE, SERIES
+from grasp_factory.apps.rerun.cameras import CAMERAS
+from grasp_factory.apps.rerun.clock import TIME
+from grasp_factory.apps.rerun.series import LOG, PHASE, SERIES
+from grasp_factory.signals.plot_series import CurveGroup
 
 SHOWN = (
     *("joint_positions", "gripper_width", "pad_force", "wrist_force", "imu_specific_force"),

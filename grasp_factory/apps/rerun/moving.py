@@ -6,16 +6,16 @@ from pathlib import Path
 
 import rerun as rr
 
-from grasp_factory.episode import Episode, ObjectSpec
+from grasp_factory.apps.playback.track import Track
+from grasp_factory.apps.rerun.clock import poses, seconds
+from grasp_factory.apps.rerun.robot_urdf import log_urdf
+from grasp_factory.core.enums import Label, label_names
+from grasp_factory.core.episode import Episode, ObjectSpec
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.package_files import folder_of
 from grasp_factory.errors import lookup
-from grasp_factory.geometry import Array
 from grasp_factory.objects import UrdfFile, find_set, visual_parts
-from grasp_factory.outcome import Label, label_names
-from grasp_factory.recordings.clock import poses, seconds
-from grasp_factory.recordings.urdf import log_urdf
 from grasp_factory.robots import ROBOTS
-from grasp_factory.track import Track
-from grasp_factory.world import DATA
 
 ROBOT = "robot"
 OBJECTS = "world/objects"
@@ -52,7 +52,9 @@ def _log_shape(recording: rr.RecordingStream, recipe: ObjectSpec, word: str, fol
     model = find_set(recipe.object_set, recipe.folder_sha256).model(recipe.object_id)
     color, entity = recipe.color or model.color, f"{OBJECTS}/{word}"
     if isinstance(model.body, UrdfFile):
-        tree = log_urdf(recording, DATA / model.body.path, folder, word, color)
+        tree = log_urdf(
+            recording, folder_of("pybullet_data") / model.body.path, folder, word, color
+        )
         placed = rr.Transform3D(
             scale=model.body.scale * recipe.scale,
             parent_frame=f"tf#/{entity}",

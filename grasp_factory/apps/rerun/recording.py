@@ -7,19 +7,19 @@ from pathlib import Path
 
 import rerun as rr
 
-from grasp_factory import carried
-from grasp_factory.curves import curve_groups, phase_spans
-from grasp_factory.dataset import Dataset
-from grasp_factory.episode import Episode
-from grasp_factory.outfile import check_out, written_aside
-from grasp_factory.recordings.cameras import log_cameras, log_clouds, log_labels
-from grasp_factory.recordings.layout import blueprint
-from grasp_factory.recordings.moving import log_objects, log_robot
-from grasp_factory.recordings.scenery import log_scenery
-from grasp_factory.recordings.sdk import RRD
-from grasp_factory.recordings.series import log_phases, log_series
-from grasp_factory.recordings.words import episode_text
-from grasp_factory.track import Track
+from grasp_factory.apps.playback.track import Track
+from grasp_factory.apps.rerun.cameras import log_cameras, log_clouds, log_labels
+from grasp_factory.apps.rerun.layout import blueprint
+from grasp_factory.apps.rerun.moving import log_objects, log_robot
+from grasp_factory.apps.rerun.scenery import log_scenery
+from grasp_factory.apps.rerun.sdk import RRD
+from grasp_factory.apps.rerun.series import log_phases, log_series
+from grasp_factory.apps.rerun.words import episode_text
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.output_file import check_out, written_aside
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.factory import embedded_assets
+from grasp_factory.signals.plot_series import curve_groups, phase_spans
 
 APPLICATION = "grasp_factory"
 
@@ -39,7 +39,7 @@ def write_recording(dataset: Dataset, index: int, out: Path) -> None:
     """
     check_out(out, [RRD])
     episode = dataset[index]
-    carried.unpack(dataset.path, dataset.config)
+    embedded_assets.unpack(dataset.path, dataset.config)
     with written_aside(out) as partial:
         _write(dataset, index, episode, partial)
 

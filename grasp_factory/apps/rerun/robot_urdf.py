@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -11,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 import rerun as rr
 from rerun.urdf import UrdfTree
 
-from grasp_factory.world import DATA
+from grasp_factory.core.package_files import SCHEME, package_folders
 
 _UNSEEN = ("collision", "contact", "inertial")
 
@@ -67,12 +66,7 @@ def _paint(visual: Element, color: Sequence[float]) -> None:
 
 def _found(name: str, folder: Path) -> Path:
     """Return a mesh's file as the physics engine finds it."""
-    packages = {
-        "package://pybullet_data/": DATA,
-        "package://grasp_factory/": Path(str(resources.files("grasp_factory"))),
-        "package://": folder,
-    }
-    for package, place in packages.items():
+    for package, place in (package_folders() | {SCHEME: folder}).items():
         if name.startswith(package):
             return place / name.removeprefix(package)
     return folder / name

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from grasp_factory.episode import Episode
-from grasp_factory.geometry import Array
-from grasp_factory.recordings.clock import poses, seconds
-from grasp_factory.stage import TABLE_CENTER_XY, TABLE_SIZE
+from grasp_factory.apps.rerun.clock import poses, seconds
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.geometry import Array
+from grasp_factory.simulation.static_scene import TABLE_CENTER_XY, TABLE_SIZE
 
 GRASP = "world/grasp"
 TCP = "world/tcp"

@@ -11,8 +11,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from subprocess import DEVNULL
 
-from grasp_factory.errors import GraspFactoryError, UsageError
-from grasp_factory.outfile import FileKind
+from grasp_factory.core.optional import require
+from grasp_factory.core.output_file import FileKind
+from grasp_factory.errors import GraspFactoryError
 
 _FORCES_STATISTICS = {"FORCE_RERUN_ANALYTICS"}
 
@@ -25,8 +26,7 @@ def require_rerun() -> None:
     Raises:
         UsageError: if it is not, with how to install it.
     """
-    if find_spec("rerun") is None:
-        raise UsageError("this needs rerun, not installed: pip install 'grasp-factory[rerun]'")
+    require("rerun", extra="rerun")
 
 
 def default_file(store: Path, index: int) -> Path:

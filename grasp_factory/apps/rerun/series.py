@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from grasp_factory.curves import CurveGroup, PhaseSpan
-from grasp_factory.episode import Episode
-from grasp_factory.recordings.clock import seconds
+from grasp_factory.apps.rerun.clock import seconds
+from grasp_factory.core.episode import Episode
+from grasp_factory.signals.plot_series import CurveGroup, PhaseSpan
 
 SERIES = "series"
 PHASE = "phase"

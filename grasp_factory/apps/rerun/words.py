@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.episode import Episode
-from grasp_factory.schema import FIELDS
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.schema import FIELDS
 
 _SHOWN_FIRST = ("object_id", "object_family", "policy", "split", "seed", "index")
 

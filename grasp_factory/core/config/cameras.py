@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from grasp_factory.sections import CameraConfig, Mount
+from grasp_factory.core.config.sections import CameraConfig, Mount
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,21 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from grasp_factory.cameras import CAMERAS
-from grasp_factory.errors import ConfigError, shown
-from grasp_factory.outcome import Phase
-from grasp_factory.randomize import RandomizeConfig
-from grasp_factory.records import (
-    check,
-    check_range,
-    from_plain,
-    is_integer,
-    is_number,
-    normalise,
-    to_plain,
-)
-from grasp_factory.renderer import Renderer
-from grasp_factory.sections import (
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.config.quality import QualityConfig
+from grasp_factory.core.config.randomization import RandomizeConfig
+from grasp_factory.core.config.sections import (
     SHAKE_MOTIONS,
     CameraConfig,
     ClutterConfig,
@@ -33,9 +23,19 @@ from grasp_factory.sections import (
     ShakeConfig,
     WorkspaceConfig,
 )
-from grasp_factory.splits import SPLITS
-from grasp_factory.stepping import PhysicsConfig
-from grasp_factory.thresholds import QualityConfig
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.renderer import Renderer
+from grasp_factory.core.serialization import (
+    check,
+    check_range,
+    from_plain,
+    is_integer,
+    is_number,
+    normalise,
+    to_plain,
+)
+from grasp_factory.core.splits import SPLITS
+from grasp_factory.errors import ConfigError, shown
 
 MAX_VIDEO_GB = 4
 """Of memory, in each worker."""

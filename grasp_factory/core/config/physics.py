@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from grasp_factory.records import check_range
+from grasp_factory.core.serialization import check_range
 
 FREE_RESIDUAL, CONTACT_RESIDUAL = 1e-6, 1e-7
 """While nothing is held, a millimetre per second is exact enough; then the engine's default."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from grasp_factory.records import check, check_range
+from grasp_factory.core.serialization import check, check_range
 
 BEST, WORST = 5, 1
 

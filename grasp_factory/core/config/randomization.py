@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from grasp_factory.records import check, check_range
+from grasp_factory.core.serialization import check, check_range
 
-Range = tuple[float, float]
+Interval = tuple[float, float]
 
 
 def _check_ranges(record: object, low: float, high: float, *keys: str) -> None:
@@ -25,9 +25,9 @@ class ColorRange:
 
     share: float = 0.0
     """Probability that a colour is drawn; otherwise the thing keeps its own."""
-    hue: Range = (0.0, 1.0)
-    saturation: Range = (0.0, 0.9)
-    brightness: Range = (0.2, 1.0)
+    hue: Interval = (0.0, 1.0)
+    saturation: Interval = (0.0, 0.9)
+    brightness: Interval = (0.2, 1.0)
 
     def __post_init__(self) -> None:
         check_range(self, "share", 0.0, 1.0)
@@ -45,15 +45,15 @@ class LooksConfig:
     table_texture: float = 0.0
     floor_color: ColorRange = field(default_factory=ColorRange)
     floor_texture: float = 0.0
-    light_azimuth_deg: Range = (56.0, 56.0)
+    light_azimuth_deg: Interval = (56.0, 56.0)
     """Where the light comes from, from +x towards +y, degrees."""
-    light_elevation_deg: Range = (54.0, 54.0)
+    light_elevation_deg: Interval = (54.0, 54.0)
     """Above the horizon, degrees."""
-    light_hue: Range = (0.0, 0.0)
-    light_saturation: Range = (0.0, 0.0)
-    ambient: Range = (0.6, 0.6)
-    diffuse: Range = (0.5, 0.5)
-    specular: Range = (0.05, 0.05)
+    light_hue: Interval = (0.0, 0.0)
+    light_saturation: Interval = (0.0, 0.0)
+    ambient: Interval = (0.6, 0.6)
+    diffuse: Interval = (0.5, 0.5)
+    specular: Interval = (0.05, 0.05)
 
     def __post_init__(self) -> None:
         for key in ("object_texture", "table_texture", "floor_texture"):
@@ -89,15 +89,15 @@ class CameraJitter:
 class BodyRange:
     """What every object is made of; each draws its own."""
 
-    scale: Range = (1.0, 1.0)
+    scale: Interval = (1.0, 1.0)
     """Factor on its size. Its mass stays, unless ``mass`` changes it."""
-    mass: Range = (1.0, 1.0)
+    mass: Interval = (1.0, 1.0)
     """Factor."""
-    friction: Range = (1.0, 1.0)
+    friction: Interval = (1.0, 1.0)
     """Factor."""
-    linear_damping: Range = (0.0, 0.0)
+    linear_damping: Interval = (0.0, 0.0)
     """Bullet's share of the velocity that is lost per second, as of a thick air."""
-    angular_damping: Range = (0.0, 0.0)
+    angular_damping: Interval = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         _check_ranges(self, 0.25, 2.0, "scale")
@@ -109,9 +109,9 @@ class BodyRange:
 class GripperRange:
     """How the attempt is executed: factors on the section ``motion``."""
 
-    force: Range = (1.0, 1.0)
+    force: Interval = (1.0, 1.0)
     """Factor on ``grip_force``; the gripper's own limits hold."""
-    speed: Range = (1.0, 1.0)
+    speed: Interval = (1.0, 1.0)
     """Factor on the speeds of approach, closing and lift; transfer and shake keep theirs."""
 
     def __post_init__(self) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from grasp_factory.collecting.merging import merge
-from grasp_factory.collecting.result import Collected
-from grasp_factory.collecting.splitting import split
+from grasp_factory.curation.merge.merging import merge
+from grasp_factory.curation.merge.result import Collected
+from grasp_factory.curation.merge.splitting import split
 
 __all__ = ["Collected", "merge", "split"]

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.annotations import AnnotationLog, carry
-from grasp_factory.annotations.carrying import check_log
-from grasp_factory.collecting.source import Source
-from grasp_factory.collecting.union import Integers, Plan
+from grasp_factory.curation.merge.source_store import SourceStore
+from grasp_factory.curation.merge.union import Integers, RowPlan
+from grasp_factory.dataset.annotations import AnnotationLog, carry
+from grasp_factory.dataset.annotations.carrying import check_log
 
 
-def check_annotations(sources: Iterable[Source]) -> None:
+def check_annotations(sources: Iterable[SourceStore]) -> None:
     """Check that nothing of what people said is damaged, before any row is copied.
 
     Raises:
@@ -24,7 +24,7 @@ def check_annotations(sources: Iterable[Source]) -> None:
 
 
 def carry_annotations(
-    sources: Sequence[Source], plan: Plan, repeats: tuple[Plan, Plan], store: Path
+    sources: Sequence[SourceStore], plan: RowPlan, repeats: tuple[RowPlan, RowPlan], store: Path
 ) -> int:
     """Give the new store the annotations of its rows, and return how many rows have any.
 
@@ -47,7 +47,9 @@ def carry_annotations(
     return len(AnnotationLog(store).annotations())
 
 
-def new_rows(k: int, rows: Integers, plan: Plan, repeats: tuple[Plan, Plan]) -> dict[int, int]:
+def new_rows(
+    k: int, rows: Integers, plan: RowPlan, repeats: tuple[RowPlan, RowPlan]
+) -> dict[int, int]:
     """Return where some rows of store ``k`` have come to, by row; those that have not are left out.
 
     Args:
@@ -66,5 +68,5 @@ def new_rows(k: int, rows: Integers, plan: Plan, repeats: tuple[Plan, Plan]) -> 
     return found | {row: places[twin] for row, twin in twins}
 
 
-def _names(rows: Plan) -> Iterator[tuple[int, int]]:
+def _names(rows: RowPlan) -> Iterator[tuple[int, int]]:
     return zip(rows.store.tolist(), rows.row.tolist(), strict=True)

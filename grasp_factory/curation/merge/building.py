@@ -10,35 +10,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.collecting.annotations import carry_annotations, check_annotations
-from grasp_factory.collecting.labels import carried_labels
-from grasp_factory.collecting.place import Place
-from grasp_factory.collecting.provenance import SeedSource
-from grasp_factory.collecting.reading import RowReader, StoredRow, mending
-from grasp_factory.collecting.result import Collected
-from grasp_factory.collecting.source import Source
-from grasp_factory.collecting.union import NOBODY, Plan
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.curation.merge.annotation_transfer import carry_annotations, check_annotations
+from grasp_factory.curation.merge.label_transfer import carried_labels
+from grasp_factory.curation.merge.provenance import SeedSource
+from grasp_factory.curation.merge.result import Collected
+from grasp_factory.curation.merge.source_store import SourceStore
+from grasp_factory.curation.merge.staged_store import StagedStore
+from grasp_factory.curation.merge.union import NOBODY, RowPlan
+from grasp_factory.dataset.row_reader import RowReader, StoredRow, mending
 from grasp_factory.errors import StoreError
-from grasp_factory.records import to_plain
-from grasp_factory.writers.carried import carried_by
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.header import SOURCES, open_array, open_store, read_array
-from grasp_factory.writers.packing import pack
-from grasp_factory.writers.seals import VALUES_SEAL, values_digest
-from grasp_factory.writers.store import create_store
-from grasp_factory.writers.zarr import ZarrWriter
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.embedded import carried_by
+from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store, read_array
+from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
+from grasp_factory.writers.zarr.segment_packing import pack
+from grasp_factory.writers.zarr.store import create_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
     """A store to put together."""
 
-    place: Place
-    sources: Sequence[Source]
+    place: StagedStore
+    sources: Sequence[SourceStore]
     """The first one's config and root attributes become those of the result."""
-    plan: Plan
+    plan: RowPlan
     seeds: tuple[SeedSource, ...]
-    repeats: tuple[Plan, Plan]
+    repeats: tuple[RowPlan, RowPlan]
     """(K,) each: rows that are left out, and those that are in their place."""
     is_plain: bool
     """Whether row i is episode i of one seed."""
@@ -116,7 +116,7 @@ def _statuses(order: Order) -> NDArray[np.uint8]:
     return statuses
 
 
-def _carried(sources: Sequence[Source], name: str) -> bytes:
+def _carried(sources: Sequence[SourceStore], name: str) -> bytes:
     """Return what the stores carry at a path, from the first that has it undamaged."""
     for source in sources:
         try:
@@ -148,7 +148,9 @@ def _copy(order: Order, aside: Path, on_row: Callable[[], None]) -> None:
             on_row()
 
 
-def _copy_block(order: Order, plan: Plan, block: int, writer: ZarrWriter) -> list[tuple[str, str]]:
+def _copy_block(
+    order: Order, plan: RowPlan, block: int, writer: ZarrWriter
+) -> list[tuple[str, str]]:
     """Write a block; return what is known of its rows, which are held no longer."""
     rows = list(_rows(order, plan))
     if rows:
@@ -162,7 +164,7 @@ def _known(row: StoredRow) -> tuple[str, str]:
     return row.checksum, row.fingerprint
 
 
-def _rows(order: Order, plan: Plan) -> Iterator[StoredRow]:
+def _rows(order: Order, plan: RowPlan) -> Iterator[StoredRow]:
     there = plan[plan.store != NOBODY]
     recipes = zip(there.seed.tolist(), there.index.tolist(), strict=True)
     for k, first, stop in plan.runs():

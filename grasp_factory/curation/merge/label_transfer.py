@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.collecting.source import Source
-from grasp_factory.collecting.union import NOBODY, Plan
+from grasp_factory.curation.merge.source_store import SourceStore
+from grasp_factory.curation.merge.union import NOBODY, RowPlan
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.labels import LONGEST_NAME, NOT_LABELLED, write_label
-from grasp_factory.writers.seals import VALUES_SEAL, is_sealed, values_digest
+from grasp_factory.writers.zarr.label_columns import LONGEST_NAME, NOT_LABELLED, write_label
+from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, is_sealed, values_digest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Label:
+class CopiedLabel:
     """An added label of the result."""
 
     name: str
@@ -32,8 +32,8 @@ class Label:
 
 
 def carried_labels(
-    sources: Sequence[Source], plan: Plan
-) -> tuple[tuple[Label, ...], dict[str, str]]:
+    sources: Sequence[SourceStore], plan: RowPlan
+) -> tuple[tuple[CopiedLabel, ...], dict[str, str]]:
     """Return the labels that all stores have with the same thresholds, and why others are left out.
 
     What counts is the stores that a row of the plan comes from.
@@ -42,7 +42,7 @@ def carried_labels(
         StoreError: if a label is damaged.
     """
     used = np.unique(plan.store[plan.store != NOBODY]).tolist()
-    carried: list[Label] = []
+    carried: list[CopiedLabel] = []
     left_out: dict[str, str] = {}
     for name in sorted({name for k in used for name in sources[k].labels()}):
         lacking = [str(sources[k].path) for k in used if name not in sources[k].labels()]
@@ -57,7 +57,9 @@ def carried_labels(
     return tuple(carried), left_out
 
 
-def _carried(sources: Sequence[Source], plan: Plan, used: Iterable[int], name: str) -> Label | None:
+def _carried(
+    sources: Sequence[SourceStore], plan: RowPlan, used: Iterable[int], name: str
+) -> CopiedLabel | None:
     """Return a label that all stores have; None if its thresholds differ."""
     outcome = np.full(len(plan), NOT_LABELLED, np.uint8)
     thresholds: list[Mapping[str, Any]] = []
@@ -69,10 +71,10 @@ def _carried(sources: Sequence[Source], plan: Plan, used: Iterable[int], name: s
         outcome[mine] = values[plan.row[mine]]
     if any(other != thresholds[0] for other in thresholds):
         return None
-    return Label(name=name, outcome=outcome, thresholds=thresholds[0])
+    return CopiedLabel(name=name, outcome=outcome, thresholds=thresholds[0])
 
 
-def _read(source: Source, name: str) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+def _read(source: SourceStore, name: str) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     folder = source.path / "labels" / name
     values, attributes = source.label(name)
     whole = attributes.get(VALUES_SEAL) == values_digest(values)

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.collecting.building import Order, build
-from grasp_factory.collecting.foreign import check_platforms
-from grasp_factory.collecting.place import Place
-from grasp_factory.collecting.provenance import (
+from grasp_factory.curation.merge.building import Order, build
+from grasp_factory.curation.merge.platform_check import check_platforms
+from grasp_factory.curation.merge.provenance import (
     Maker,
     generator_difference,
     seed_sources,
     surroundings_difference,
 )
-from grasp_factory.collecting.result import Collected
-from grasp_factory.collecting.source import Source
-from grasp_factory.collecting.union import Union, in_place, union
+from grasp_factory.curation.merge.result import Collected
+from grasp_factory.curation.merge.source_store import SourceStore
+from grasp_factory.curation.merge.staged_store import StagedStore
+from grasp_factory.curation.merge.union import Union, in_place, union
 from grasp_factory.errors import StoreMismatchError, UsageError
 
 
@@ -49,7 +49,7 @@ def merge(
         StoreError: if a store is damaged, two of them differ in an episode that both have, or the
             disk fails. Nothing is left then.
     """
-    place = Place(out)
+    place = StagedStore(out)
     sources = _open(stores)
     place.check_apart(source.place for source in sources)
     found = union([source.present() for source in sources])
@@ -73,11 +73,11 @@ def merge(
     return build(order, on_start, on_row)
 
 
-def _open(stores: Iterable[Path | str]) -> list[Source]:
-    sources = [Source(store) for store in stores]
+def _open(stores: Iterable[Path | str]) -> list[SourceStore]:
+    sources = [SourceStore(store) for store in stores]
     if not sources:
         raise UsageError("no stores: name one or more to merge")
-    seen: dict[tuple[int, int], Source] = {}
+    seen: dict[tuple[int, int], SourceStore] = {}
     for source in sources:
         stat = source.place.stat()
         twin = seen.setdefault((stat.st_dev, stat.st_ino), source)
@@ -88,9 +88,9 @@ def _open(stores: Iterable[Path | str]) -> list[Source]:
     return sources
 
 
-def _check_generators(sources: Sequence[Source]) -> None:
+def _check_generators(sources: Sequence[SourceStore]) -> None:
     """Check that what was made of one seed was made by one generator."""
-    made: dict[int, tuple[Maker, Source]] = {}
+    made: dict[int, tuple[Maker, SourceStore]] = {}
     for source in sources:
         for seed, makers in source.makers.items():
             for maker in makers:
@@ -103,7 +103,7 @@ def _check_generators(sources: Sequence[Source]) -> None:
                     )
 
 
-def _check_repeats(sources: Sequence[Source], found: Union) -> None:
+def _check_repeats(sources: Sequence[SourceStore], found: Union) -> None:
     """Check that rows that several stores have are the same.
 
     One may have quarantined what another has made: a worker that was killed says nothing of it.
@@ -127,12 +127,12 @@ def _check_repeats(sources: Sequence[Source], found: Union) -> None:
                 )
 
 
-def _warnings(sources: Sequence[Source]) -> Iterable[str]:
+def _warnings(sources: Sequence[SourceStore]) -> Iterable[str]:
     """Give a line for each store whose part of a seed was made elsewhere, where nothing else tells.
 
     Fingerprints tell whether that matters, where both have one.
     """
-    made: dict[int, tuple[Maker, Source]] = {}
+    made: dict[int, tuple[Maker, SourceStore]] = {}
     for source in sources:
         for seed, makers in source.makers.items():
             before, other = made.setdefault(seed, (makers[0], source))

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from grasp_factory.collecting.source import Source
+from grasp_factory.core.platforms import ACCEPT, PARTS, differing, meaning, parsed
+from grasp_factory.curation.merge.source_store import SourceStore
 from grasp_factory.errors import StoreMismatchError
-from grasp_factory.platforms import ACCEPT, PARTS, differing, meaning, parsed
 
 Texts = Mapping[int, frozenset[str]]
 """By seed: the fingerprints that a store's rows of it tell."""
 _OWN = "each row tells its own in episodes/fingerprint"
 
 
-def check_platforms(sources: Sequence[Source], *, accept: bool) -> list[str]:
+def check_platforms(sources: Sequence[SourceStore], *, accept: bool) -> list[str]:
     """Check that rows of one seed come from one platform; return a warning where rows do not.
 
     What a store does not tell is not compared.
@@ -32,7 +32,7 @@ def check_platforms(sources: Sequence[Source], *, accept: bool) -> list[str]:
     return warnings
 
 
-def _within_a_seed(sources: Sequence[Source], told: Sequence[Texts]) -> str:
+def _within_a_seed(sources: Sequence[SourceStore], told: Sequence[Texts]) -> str:
     first: dict[int, int] = {}
     for k, texts in enumerate(told):
         for seed, mine in texts.items():
@@ -45,7 +45,7 @@ def _within_a_seed(sources: Sequence[Source], told: Sequence[Texts]) -> str:
     return ""
 
 
-def _between_seeds(sources: Sequence[Source], told: Sequence[Texts]) -> str:
+def _between_seeds(sources: Sequence[SourceStore], told: Sequence[Texts]) -> str:
     known = [(k, frozenset().union(*texts.values())) for k, texts in enumerate(told) if texts]
     for k, mine in known[1:]:
         twin, others = known[0]

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.collecting.union import Plan
-from grasp_factory.config import FactoryConfig, first_difference
+from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.core.serialization import from_plain
+from grasp_factory.curation.merge.union import RowPlan
 from grasp_factory.errors import ConfigError, StoreError
-from grasp_factory.platforms import FINGERPRINT
-from grasp_factory.records import from_plain
-from grasp_factory.writers.header import SOURCES
+from grasp_factory.writers.zarr.header import SOURCES
 
 GENERATORS = ("grasp_factory", "pybullet", "numpy", "torch")
 """The versions that have a part in an episode's bytes; torch where a policy has a model."""
@@ -88,7 +88,7 @@ def stored_sources(attributes: Mapping[str, Any]) -> tuple[SeedSource, ...]:
 
 
 def seed_sources(
-    plan: Plan, makers: Sequence[Mapping[int, tuple[Maker, ...]]], config: FactoryConfig
+    plan: RowPlan, makers: Sequence[Mapping[int, tuple[Maker, ...]]], config: FactoryConfig
 ) -> tuple[SeedSource, ...]:
     """Return the provenance of a plan's rows, seed by seed in their order.
 

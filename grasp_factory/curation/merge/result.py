@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from grasp_factory.collecting.provenance import SeedSource
+from grasp_factory.curation.merge.provenance import SeedSource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

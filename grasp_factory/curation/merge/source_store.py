@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.collecting.provenance import Maker, makers_of
-from grasp_factory.collecting.reading import RowReader, mending
-from grasp_factory.collecting.union import Rows
-from grasp_factory.config import first_difference
-from grasp_factory.dataset import Dataset
+from grasp_factory.core.config.factory_config import first_difference
+from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
+from grasp_factory.curation.merge.provenance import Maker, makers_of
+from grasp_factory.curation.merge.union import Rows
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.row_reader import RowReader, mending
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.platforms import FINGERPRINT, is_fingerprint
-from grasp_factory.writers.files import locate
-from grasp_factory.writers.header import SOURCES
-from grasp_factory.writers.seals import SEAL, is_sealed
-from grasp_factory.writers.zarr import QUARANTINED
+from grasp_factory.writers.zarr.files import locate
+from grasp_factory.writers.zarr.header import SOURCES
+from grasp_factory.writers.zarr.metadata_checksum import SEAL, is_sealed
+from grasp_factory.writers.zarr.writer import QUARANTINED
 
 _OF_EACH = {
     *("seed", "config", "config_sha256", "versions", "platform", FINGERPRINT, "created_by"),
@@ -27,7 +27,7 @@ _OF_EACH = {
 """Root attributes that may differ between stores that are put together."""
 
 
-class Source:
+class SourceStore:
     """A store as it is when it is opened: blocks that are committed later are not in it.
 
     Attributes:
@@ -128,7 +128,7 @@ class Source:
         array = self._dataset.arrays()[f"labels/{name}/outcome"]
         return self._dataset.label(name), array.attrs.asdict()
 
-    def check_fits(self, other: Source) -> None:
+    def check_fits(self, other: SourceStore) -> None:
         """Check that rows of this store and of another one can be in one store.
 
         Raises:

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.collecting.building import Order, build
-from grasp_factory.collecting.place import Place
-from grasp_factory.collecting.provenance import seed_sources
-from grasp_factory.collecting.result import Collected
-from grasp_factory.collecting.source import Source
-from grasp_factory.collecting.union import Plan
+from grasp_factory.core.serialization import is_integer
+from grasp_factory.curation.merge.building import Order, build
+from grasp_factory.curation.merge.provenance import seed_sources
+from grasp_factory.curation.merge.result import Collected
+from grasp_factory.curation.merge.source_store import SourceStore
+from grasp_factory.curation.merge.staged_store import StagedStore
+from grasp_factory.curation.merge.union import RowPlan
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.records import is_integer
 
 
 def split(
@@ -40,10 +40,10 @@ def split(
         UsageError: for rows that the store does not have, or a place that is taken.
         StoreError: if the store is damaged, or the disk fails. Nothing is left then.
     """
-    place, source = Place(out), Source(store)
+    place, source = StagedStore(out), SourceStore(store)
     place.check_apart([source.place])
     chosen = source.rows(_checked(source, indices))
-    plan = Plan(
+    plan = RowPlan(
         store=np.zeros(len(chosen.row), np.int64),
         row=chosen.row,
         seed=chosen.seed,
@@ -60,7 +60,7 @@ def split(
     return build(order, on_start, on_row)
 
 
-def _checked(source: Source, indices: Iterable[int]) -> NDArray[np.int64]:
+def _checked(source: SourceStore, indices: Iterable[int]) -> NDArray[np.int64]:
     """Return indices, ascending, each of which is that of an episode."""
     given = list(indices)
     for index in given:

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.writers.files import fsync, locate
-from grasp_factory.writers.lock import StoreLock
+from grasp_factory.writers.zarr.files import fsync, locate
+from grasp_factory.writers.zarr.lock import StoreLock
 
 _ASIDE = ".merging"
 _OTHER = "choose another OUT"
@@ -19,7 +19,7 @@ _OF_A_STORE = re.compile(r"(zarr|\d+)([.-][0-9a-z]+)*|log\.jsonl(\.partial)?")
 """Names of files in a store, and of those that are being written."""
 
 
-class Place:
+class StagedStore:
     """The place of a new store.
 
     Attributes:

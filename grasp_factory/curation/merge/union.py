@@ -29,7 +29,7 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class RowPlan:
     """Where each row of the result comes from."""
 
     store: Integers
@@ -45,9 +45,9 @@ class Plan:
         """Return the number of rows."""
         return len(self.store)
 
-    def __getitem__(self, rows: Any) -> Plan:
+    def __getitem__(self, rows: Any) -> RowPlan:
         """Return the plan of some rows."""
-        return Plan(**{name: getattr(self, name)[rows] for name in self.__slots__})
+        return RowPlan(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
     def runs(self) -> list[tuple[int, int, int]]:
         """Return (store, first row, row after the last) of what one store holds in a row.
@@ -69,9 +69,9 @@ class Plan:
 class Union:
     """The rows of several stores, each recipe once."""
 
-    plan: Plan
+    plan: RowPlan
     """Seed by seed, in the order in which they appear first, store by store; then by index."""
-    repeats: tuple[Plan, Plan]
+    repeats: tuple[RowPlan, RowPlan]
     """(K,) each: rows that are left out, and those that are in their place. Their contents are to
     be the same."""
 
@@ -90,7 +90,7 @@ def union(stores: Sequence[Rows]) -> Union:
         for name in ("row", "seed", "index", "is_quarantined")
     )
     _, first, which = np.unique(seed, return_index=True, return_inverse=True)
-    everything = Plan(store=store, row=row, seed=seed, index=index)
+    everything = RowPlan(store=store, row=row, seed=seed, index=index)
     everything = everything[np.lexsort((store, is_quarantined, index, first[which]))]
     seed, index = everything.seed, everything.index
     is_new = np.ones(len(seed), np.bool_)
@@ -102,7 +102,7 @@ def union(stores: Sequence[Rows]) -> Union:
     )
 
 
-def in_place(plan: Plan, seed: int, length: int) -> Plan:
+def in_place(plan: RowPlan, seed: int, length: int) -> RowPlan:
     """Return the plan of a store in which the number of a row is the index of its recipe.
 
     Args:
@@ -112,4 +112,4 @@ def in_place(plan: Plan, seed: int, length: int) -> Plan:
     """
     store, row = np.full(length, NOBODY, np.int64), np.zeros(length, np.int64)
     store[plan.index], row[plan.index] = plan.store, plan.row
-    return Plan(store=store, row=row, seed=np.full(length, seed), index=np.arange(length))
+    return RowPlan(store=store, row=row, seed=np.full(length, seed), index=np.arange(length))

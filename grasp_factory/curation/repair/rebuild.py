@@ -8,23 +8,23 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from grasp_factory import schema
-from grasp_factory.blocks import Begun, BlockJob, BlockMaker, in_few_words
-from grasp_factory.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core import schema
+from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core.platforms import Fingerprint, difference, fingerprint_of, parsed
+from grasp_factory.curation.repair.recovery import kept, recipe
+from grasp_factory.curation.verify.contents import fingerprint_problems, read_block
+from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
+from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import StoreError
-from grasp_factory.executors import Report
-from grasp_factory.platforms import Fingerprint, difference, fingerprint_of, parsed
-from grasp_factory.rows import Row
-from grasp_factory.verifying.contents import fingerprint_problems, read_block
-from grasp_factory.verifying.pieces import Pieces, open_pieces
-from grasp_factory.verifying.recovery import kept, recipe
+from grasp_factory.factory.block_job import Begun, BlockJob, BlockMaker, in_few_words
+from grasp_factory.factory.executors import SendMessage
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.layout import block_files
-from grasp_factory.writers.zarr import COMMITTED, ZarrWriter
+from grasp_factory.writers.zarr.layout import block_files
+from grasp_factory.writers.zarr.writer import COMMITTED, ZarrWriter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Remade:
+class RebuiltEpisode:
     """An episode that was simulated again."""
 
     episode: int
@@ -43,7 +43,7 @@ class Mended:
     """What came of one block."""
 
     block: int
-    remade: tuple[Remade, ...] = ()
+    remade: tuple[RebuiltEpisode, ...] = ()
     lost: tuple[int, ...] = ()
     """Rows whose recipes nothing tells; nothing of the block was changed."""
     is_risky: bool = False
@@ -81,7 +81,7 @@ class BlockMender:
         again = partial(BlockMender, isolated=self._isolated, accept=self._accept)
         return again, (self._store, self._template)
 
-    def __call__(self, job: BlockJob, report: Report) -> None:
+    def __call__(self, job: BlockJob, report: SendMessage) -> None:
         """Make a block: rows that are whole as they are, the others from their recipes."""
         pieces = self._pieces
         found = dict(zip(pieces.rows_of(job.block), read_block(pieces, job.block)[0], strict=True))
@@ -103,14 +103,14 @@ class BlockMender:
                 report(replace(came, untold=tuple(unknown)))
                 return
             rows[i] = row
-            remade.append(Remade(episode=i, before=_recorded(found[i]), after=after))
+            remade.append(RebuiltEpisode(episode=i, before=_recorded(found[i]), after=after))
         here = self._maker.fingerprint
         of_rows = [here if i in simulated else texts[i] or "" for i in rows]
         self._writer.write_block(job.block, [row for row in rows.values() if row], of_rows)
         report(replace(came, remade=tuple(remade)))
 
     def _simulated(
-        self, i: int, spec: EpisodeSpec | None, job: BlockJob, report: Report
+        self, i: int, spec: EpisodeSpec | None, job: BlockJob, report: SendMessage
     ) -> Episode | Quarantined:
         assert spec
         if i not in job.lost:
@@ -168,7 +168,7 @@ class BlockMender:
             self.__dict__.pop("_maker").close()
 
     @cached_property
-    def _pieces(self) -> Pieces:
+    def _pieces(self) -> PartialStore:
         return open_pieces(self._store)[0]
 
     @cached_property
@@ -189,14 +189,14 @@ def _recorded(row: Row) -> str:
     return str(row.get(schema.CHECKSUM.path, "")) if _is_committed(row) else ""
 
 
-def files_of(folder: Path, pieces: Pieces, block: int) -> list[Path]:
+def files_of(folder: Path, pieces: PartialStore, block: int) -> list[Path]:
     """Return all files of a block below ``folder``, that of its commit marker last."""
     rows = pieces.rows_of(block)
     fields = sorted(pieces.fields.values(), key=lambda field: field == schema.STATUS)
     return [file for field in fields for file in block_files(folder, field, block, rows)]
 
 
-def checksums(pieces: Pieces, block: int) -> dict[int, str]:
+def checksums(pieces: PartialStore, block: int) -> dict[int, str]:
     """Return the stored checksum of each row of a block; empty for what has none to be read."""
     rows = pieces.rows_of(block)
     try:

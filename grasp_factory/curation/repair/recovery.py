@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 
-from grasp_factory import schema
-from grasp_factory.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core import schema
+from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.curation.verify.contents import OF_QUARANTINED, trimmed
+from grasp_factory.curation.verify.invariants import faults
+from grasp_factory.curation.verify.partial_store import PartialStore
+from grasp_factory.dataset.row_codec import Row, assemble
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.rows import Row, assemble
-from grasp_factory.sampling import sample_spec
-from grasp_factory.verifying.contents import OF_QUARANTINED, trimmed
-from grasp_factory.verifying.invariants import faults
-from grasp_factory.verifying.pieces import Pieces
+from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.digests import digest
+from grasp_factory.writers.zarr.digests import digest
 
 _RECIPE = ("episodes/spec", "episodes/seed", "episodes/index")
 
 
-def kept(row: Row, pieces: Pieces, i: int) -> Episode | Quarantined | None:
+def kept(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined | None:
     """Return a row of the store as it was written, whatever its status says; None if it is lost.
 
     An episode is kept when all of it matches the row's checksum, or the digests of all its arrays.
@@ -26,7 +26,7 @@ def kept(row: Row, pieces: Pieces, i: int) -> Episode | Quarantined | None:
     return _episode(row, pieces, i) or _quarantined(row, pieces, i)
 
 
-def recipe(row: Row, pieces: Pieces, i: int) -> EpisodeSpec | None:
+def recipe(row: Row, pieces: PartialStore, i: int) -> EpisodeSpec | None:
     """Return the recipe of a row, None where nothing is left that tells it.
 
     In a store that was generated the row's number tells it. In one that was put together the row
@@ -51,7 +51,7 @@ def recipe(row: Row, pieces: Pieces, i: int) -> EpisodeSpec | None:
 _NONE = -1
 
 
-def _episode(row: Row, pieces: Pieces, i: int) -> Episode | None:
+def _episode(row: Row, pieces: PartialStore, i: int) -> Episode | None:
     contents = trimmed(row, pieces.fields)
     paths = [path for path in pieces.fields if path not in schema.NOT_IN_AN_EPISODE]
     if not all(path in contents for path in paths):
@@ -67,7 +67,7 @@ def _episode(row: Row, pieces: Pieces, i: int) -> Episode | None:
         return None
 
 
-def _quarantined(row: Row, pieces: Pieces, i: int) -> Quarantined | None:
+def _quarantined(row: Row, pieces: PartialStore, i: int) -> Quarantined | None:
     if not all(path in row for path in (*OF_QUARANTINED, schema.CHECKSUM.path)):
         return None
     if checksum({path: row[path] for path in OF_QUARANTINED}) != str(row[schema.CHECKSUM.path]):
@@ -81,7 +81,7 @@ def _quarantined(row: Row, pieces: Pieces, i: int) -> Quarantined | None:
     return Quarantined(spec, str(row[schema.ERROR.path]))
 
 
-def _sound(row: Row, pieces: Pieces) -> set[str]:
+def _sound(row: Row, pieces: PartialStore) -> set[str]:
     """Return the paths of the values that match their digests."""
     if schema.DIGESTS.path not in row:
         return set()

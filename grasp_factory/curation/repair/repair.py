@@ -9,38 +9,38 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.serialization import from_plain
+from grasp_factory.curation.relabel import relabel
+from grasp_factory.curation.repair.rebuild import RebuiltEpisode, checksums
+from grasp_factory.curation.repair.repair_session import RepairSession
+from grasp_factory.curation.repair.template import remove_template, template_place
+from grasp_factory.curation.verify.auxiliary_data import LABELS, leftovers, thresholds_of
+from grasp_factory.curation.verify.documents import FILE
+from grasp_factory.curation.verify.partial_store import open_pieces
+from grasp_factory.curation.verify.problems import Problem, VerifyReport
+from grasp_factory.curation.verify.verification import verify
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.factory import generate, saying_how_to_go_on
-from grasp_factory.records import from_plain
-from grasp_factory.relabel import relabel
-from grasp_factory.sections import LabelConfig
-from grasp_factory.verifying.beside import LABELS, leftovers, thresholds_of
-from grasp_factory.verifying.documents import FILE
-from grasp_factory.verifying.mending import Remade, checksums
-from grasp_factory.verifying.pieces import open_pieces
-from grasp_factory.verifying.problems import Problem, Report
-from grasp_factory.verifying.surgery import Surgery
-from grasp_factory.verifying.template import remove_template, template_place
-from grasp_factory.verifying.verification import verify
-from grasp_factory.writers.added import LABEL_COLUMNS
-from grasp_factory.writers.lock import StoreLock
-from grasp_factory.writers.packing import pack
+from grasp_factory.factory.generate import generate, saying_how_to_go_on
+from grasp_factory.writers.zarr.added_labels import LABEL_COLUMNS
+from grasp_factory.writers.zarr.lock import StoreLock
+from grasp_factory.writers.zarr.segment_packing import pack
 
 DAMAGED = ".damaged"
 """Ends the name of a label's folder that is kept until the label is made again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Repaired:
+class RepairReport:
     """What a repair found, did, and left."""
 
-    before: Report
-    after: Report
+    before: VerifyReport
+    after: VerifyReport
     mended: tuple[str, ...]
     """What was made again or removed, one line each."""
     failed: tuple[str, ...]
     """What could not be, and why."""
-    remade: tuple[Remade, ...]
+    remade: tuple[RebuiltEpisode, ...]
     """Episodes that were simulated again."""
 
     @property
@@ -56,7 +56,7 @@ def repair(
     accept_other_platform: bool = False,
     on_start: Callable[[int], None] = lambda rows: None,
     on_episode: Callable[[int], None] = lambda row: None,
-) -> Repaired:
+) -> RepairReport:
     """Make again what is damaged or missing in the store at ``path``; what is whole stays.
 
     A repair that is killed leaves no row worse than it was: run it again. A recipe that may end its
@@ -84,17 +84,17 @@ def _repair(
     accept: bool,
     on_start: Callable[[int], None],
     on_episode: Callable[[int], None],
-) -> Repaired:
+) -> RepairReport:
     _tidy(path)
     before = verify(path, workers=workers, on_start=on_start, on_episode=on_episode)
     if before.is_whole and not leftovers(path):
-        return Repaired(before=before, after=before, mended=(), failed=(), remade=())
+        return RepairReport(before=before, after=before, mended=(), failed=(), remade=())
     with StoreLock(path):
-        surgery = Surgery(path, workers, on_episode, accept=accept)
+        surgery = RepairSession(path, workers, on_episode, accept=accept)
         goes_on = surgery.run(before)
     if not goes_on:
         failed = tuple(surgery.failed)
-        return Repaired(before=before, after=before, mended=(), failed=failed, remade=())
+        return RepairReport(before=before, after=before, mended=(), failed=failed, remade=())
     remade = list(surgery.remade)
     if surgery.to_generate:
         remade += _generated(path, workers, accept, surgery, on_episode)
@@ -106,7 +106,7 @@ def _repair(
     except GraspFactoryError as error:
         surgery.failed.append(f"columns are not packed: {error}")
     after = verify(path, workers=workers, on_start=on_start, on_episode=on_episode)
-    return Repaired(
+    return RepairReport(
         before=before,
         after=after,
         mended=tuple(surgery.mended),
@@ -119,9 +119,9 @@ def _generated(
     path: Path,
     workers: int,
     accept: bool,
-    surgery: Surgery,
+    surgery: RepairSession,
     on_episode: Callable[[int], None],
-) -> list[Remade]:
+) -> list[RebuiltEpisode]:
     """Let the factory complete the store; return the episodes that it made."""
     pieces = open_pieces(path)[0]
     try:
@@ -139,7 +139,7 @@ def _generated(
         return []
     pieces = open_pieces(path)[0]
     return [
-        Remade(episode=row, before="", after=after)
+        RebuiltEpisode(episode=row, before="", after=after)
         for block in surgery.to_generate
         for row, after in checksums(pieces, block).items()
     ]
@@ -151,7 +151,7 @@ def _labels_of(problems: tuple[Problem, ...]) -> set[str]:
     return {place[1] for place in places if place[0] == LABELS and len(place) > 1}
 
 
-def _relabel(path: Path, name: str, surgery: Surgery) -> None:
+def _relabel(path: Path, name: str, surgery: RepairSession) -> None:
     """Make an added label again from its thresholds; without any, leave it."""
     folder = path / LABELS / name
     thresholds = thresholds_of(path, name)

@@ -8,40 +8,42 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from grasp_factory import __version__, carried
-from grasp_factory.annotations.files import FOLDER as ANNOTATIONS
-from grasp_factory.blocks import Begun, BlockJob, Made
-from grasp_factory.config import FactoryConfig
-from grasp_factory.errors import ConfigError, GraspFactoryError
-from grasp_factory.executors import Executor, ProcessExecutor
-from grasp_factory.factory import check_names, facts_of
-from grasp_factory.losses import Losses
-from grasp_factory.platforms import ACCEPT
-from grasp_factory.request import EPISODE_TIMEOUT_S
-from grasp_factory.verifying.annotated import mend_annotations
-from grasp_factory.verifying.beside import LABELS, leftovers
-from grasp_factory.verifying.documents import COPY_ROOT, FILE, has_config, read_document
-from grasp_factory.verifying.mending import (
+from grasp_factory import __version__
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.platforms import ACCEPT
+from grasp_factory.curation.repair.rebuild import (
     BlockMender,
     Mended,
-    Remade,
+    RebuiltEpisode,
     files_of,
 )
-from grasp_factory.verifying.pieces import Pieces, open_pieces
-from grasp_factory.verifying.problems import Problem, Report
-from grasp_factory.verifying.template import Template
-from grasp_factory.verifying.verification import check_blocks, executor_for
-from grasp_factory.writers.carried import carried_by
-from grasp_factory.writers.files import fsync
-from grasp_factory.writers.header import SOURCES, root_attributes
-from grasp_factory.writers.packed import FOLDER, segments, unpack_block
-from grasp_factory.writers.seals import SEAL
+from grasp_factory.curation.repair.template import Template
+from grasp_factory.curation.verify.annotation_log import mend_annotations
+from grasp_factory.curation.verify.auxiliary_data import LABELS, leftovers
+from grasp_factory.curation.verify.documents import COPY_ROOT, FILE, has_config, read_document
+from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
+from grasp_factory.curation.verify.problems import Problem, VerifyReport
+from grasp_factory.curation.verify.verification import check_blocks, executor_for
+from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
+from grasp_factory.errors import ConfigError, GraspFactoryError
+from grasp_factory.factory import embedded_assets
+from grasp_factory.factory.block_job import Begun, BlockJob, Made
+from grasp_factory.factory.executors import Executor, ProcessExecutor
+from grasp_factory.factory.generate import facts_of
+from grasp_factory.factory.name_check import check_names
+from grasp_factory.factory.retry_policy import Losses
+from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S
+from grasp_factory.writers.zarr.column_segments import FOLDER, segments, unpack_block
+from grasp_factory.writers.zarr.embedded import carried_by
+from grasp_factory.writers.zarr.files import fsync
+from grasp_factory.writers.zarr.header import SOURCES, root_attributes
+from grasp_factory.writers.zarr.metadata_checksum import SEAL
 
 FEW = 2
 """Blocks up to which no process is started."""
 
 
-class Surgery:
+class RepairSession:
     """One repair's changes to a store whose lock is held.
 
     Attributes:
@@ -66,10 +68,10 @@ class Surgery:
         self._accept = accept
         self.mended: list[str] = []
         self.failed: list[str] = []
-        self.remade: list[Remade] = []
+        self.remade: list[RebuiltEpisode] = []
         self.to_generate: list[int] = []
 
-    def run(self, found: Report) -> bool:
+    def run(self, found: VerifyReport) -> bool:
         """Mend what was found, but for rows that the factory has to make, and added labels.
 
         Returns:
@@ -80,7 +82,7 @@ class Surgery:
             return False
         pieces = open_pieces(self._path)[0]
         with contextlib.suppress(GraspFactoryError):  # a damaged copy is mended from the cache
-            carried.unpack(self._path, pieces.config)
+            embedded_assets.unpack(self._path, pieces.config)
         with self._template(pieces.config, pieces.attributes, pieces.rows) as template:
             damaged = [p.array for p in problems if p.episode is None and p.array]
             has_changed = self._mend_documents(template, pieces, damaged)
@@ -130,13 +132,15 @@ class Surgery:
     ) -> Template:
         robot = check_names(config)
         try:
-            files = carried.packed(config)
+            files = embedded_assets.packed(config)
         except ConfigError:  # this machine has lost some of it
             files = {}
         joints = len(robot.arm_joints)
         return Template(self._path, config, attributes, joints=joints, rows=rows, carried=files)
 
-    def _mend_documents(self, template: Template, pieces: Pieces, damaged: Iterable[str]) -> bool:
+    def _mend_documents(
+        self, template: Template, pieces: PartialStore, damaged: Iterable[str]
+    ) -> bool:
         """Make metadata and what is carried again; return whether any array's has changed."""
         why = ""
         if other := template.differs(pieces.arrays):
@@ -156,7 +160,7 @@ class Surgery:
                 self.failed.append(f"{name}/{FILE} cannot be made again here: {why}")
                 continue
             elif not (template.path / name / FILE).exists():
-                how = f"{carried.how_to_import(name)}, and repair again"
+                how = f"{embedded_assets.how_to_import(name)}, and repair again"
                 self.failed.append(f"{name} cannot be made again: {how}")
                 continue
             else:
@@ -189,7 +193,7 @@ class Surgery:
             name = file.relative_to(self._path)
             self.mended.append(f"{name} is removed: a run that was killed had left it")
 
-    def _mend_blocks(self, template: Template, pieces: Pieces, blocks: list[int]) -> None:
+    def _mend_blocks(self, template: Template, pieces: PartialStore, blocks: list[int]) -> None:
         """Keep what is whole of these blocks, and make the rest again.
 
         Those of which there is no file are left to the factory.
@@ -233,7 +237,7 @@ class Surgery:
             run(ProcessExecutor(min(self._workers, len(risky))), risky)
         self._tell_foreign(foreign)
 
-    def _put_in_place(self, template: Template, pieces: Pieces, made: Mended) -> None:
+    def _put_in_place(self, template: Template, pieces: PartialStore, made: Mended) -> None:
         """Move a block that is complete to its place, at once: the template shall not grow."""
         unpack_block(self._path, made.block)
         files = files_of(template.path, pieces, made.block)
@@ -274,6 +278,6 @@ def _is_of_root(problems: Iterable[Problem]) -> bool:
     return any(problem.episode is None and not problem.array for problem in problems)
 
 
-def _is_begun(pieces: Pieces, block: int) -> bool:
+def _is_begun(pieces: PartialStore, block: int) -> bool:
     """Say whether there is anything of a block, which then may be kept."""
     return any(file.exists() for file in files_of(pieces.path, pieces, block))

@@ -11,14 +11,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.curation.verify.documents import FILE, read_document
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.verifying.documents import FILE, read_document
-from grasp_factory.writers.aside import PARTIAL, aside
-from grasp_factory.writers.files import fsync, locate, write_aside
-from grasp_factory.writers.header import read_attributes
-from grasp_factory.writers.seals import SEAL
-from grasp_factory.writers.store import create_store, remove_creation
+from grasp_factory.writers.zarr.atomic_store import PARTIAL, aside
+from grasp_factory.writers.zarr.files import fsync, locate, write_aside
+from grasp_factory.writers.zarr.header import read_attributes
+from grasp_factory.writers.zarr.metadata_checksum import SEAL
+from grasp_factory.writers.zarr.store import create_store, remove_creation
 
 _OURS = re.compile(r"(zarr\.json|c|[0-9]+(\.[0-9]+)*)(" + re.escape(PARTIAL) + ")?")
 """Names of what a store's arrays consist of."""

@@ -1,9 +1,8 @@
-"""Is a store what was written, and making again what is not."""
+"""Verification of a store: is everything in it as it was written?"""
 
 from __future__ import annotations
 
-from grasp_factory.verifying.problems import Problem, Report
-from grasp_factory.verifying.repair import Repaired, repair
-from grasp_factory.verifying.verification import verify
+from grasp_factory.curation.verify.problems import Problem, VerifyReport
+from grasp_factory.curation.verify.verification import verify
 
-__all__ = ["Problem", "Repaired", "Report", "repair", "verify"]
+__all__ = ["Problem", "VerifyReport", "verify"]

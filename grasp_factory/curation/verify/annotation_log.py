@@ -5,16 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from grasp_factory.annotations import AnnotationLog
-from grasp_factory.annotations.carrying import HOW_TO_MEND
-from grasp_factory.annotations.files import DESCRIPTION, LINK, NAME, OWN_FOLDER, appending
-from grasp_factory.annotations.files import FOLDER as ANNOTATIONS
+from grasp_factory.curation.verify.auxiliary_data import placeholder_problems
+from grasp_factory.curation.verify.documents import FILE
+from grasp_factory.curation.verify.partial_store import PartialStore
+from grasp_factory.curation.verify.problems import REPAIR, Problem
+from grasp_factory.dataset.annotations import AnnotationLog
+from grasp_factory.dataset.annotations.carrying import HOW_TO_MEND
+from grasp_factory.dataset.annotations.log_file import (
+    DESCRIPTION,
+    LINK,
+    NAME,
+    OWN_FOLDER,
+    appending,
+)
+from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
 from grasp_factory.errors import StoreError
-from grasp_factory.verifying.beside import placeholder_problems
-from grasp_factory.verifying.documents import FILE
-from grasp_factory.verifying.pieces import Pieces
-from grasp_factory.verifying.problems import REPAIR, Problem
-from grasp_factory.writers.placeholder import write_placeholder
+from grasp_factory.writers.zarr.placeholder import write_placeholder
 
 LOG = f"{ANNOTATIONS}/{NAME}"
 MOST_NAMED = 20
@@ -22,7 +28,7 @@ MOST_NAMED = 20
 _UNFINISHED = "its last line is unfinished: who wrote it was killed, or its end is lost"
 
 
-def annotation_problems(pieces: Pieces) -> Iterator[Problem]:
+def annotation_problems(pieces: PartialStore) -> Iterator[Problem]:
     """Give a problem for each line of the log that stands for no change of a row of the store."""
     path = pieces.path
     if (path / ANNOTATIONS).is_symlink():

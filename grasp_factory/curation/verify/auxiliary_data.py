@@ -12,24 +12,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.annotations.files import FOLDER as ANNOTATIONS
-from grasp_factory.annotations.files import NAME as LOG
+from grasp_factory.core import schema
+from grasp_factory.core.enums import Outcome
+from grasp_factory.curation.verify.documents import FILE, is_empty_group, read_document
+from grasp_factory.curation.verify.foreign_chunks import is_recoded
+from grasp_factory.curation.verify.partial_store import PartialStore
+from grasp_factory.curation.verify.problems import Problem
+from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
+from grasp_factory.dataset.annotations.log_file import NAME as LOG
 from grasp_factory.errors import StoreError, shown
-from grasp_factory.outcome import Outcome
-from grasp_factory.verifying.documents import FILE, is_empty_group, read_document
-from grasp_factory.verifying.pieces import Pieces
-from grasp_factory.verifying.problems import Problem
-from grasp_factory.verifying.rewritten import is_recoded
-from grasp_factory.writers.added import LABEL_COLUMNS, added_labels, is_label
-from grasp_factory.writers.aside import PARTIAL
-from grasp_factory.writers.carried import DESCRIPTIONS, carried_by, read_carried
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.header import open_array, open_store, read_array
-from grasp_factory.writers.packed import BYTES, FOLDER, Segment, segments
-from grasp_factory.writers.packing import NOT_PACKED
-from grasp_factory.writers.seals import VALUES_SEAL, values_digest
-from grasp_factory.writers.sizes import bytes_of_blocks
+from grasp_factory.writers.zarr.added_labels import LABEL_COLUMNS, added_labels, is_label
+from grasp_factory.writers.zarr.atomic_store import PARTIAL
+from grasp_factory.writers.zarr.column_segments import BYTES, FOLDER, Segment, segments
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, carried_by, read_carried
+from grasp_factory.writers.zarr.header import open_array, open_store, read_array
+from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
+from grasp_factory.writers.zarr.segment_packing import NOT_PACKED
+from grasp_factory.writers.zarr.sizes import bytes_of_blocks
 
 LABELS = "labels"
 _BESIDE = (ANNOTATIONS, LABELS, FOLDER, *DESCRIPTIONS)
@@ -41,7 +41,7 @@ _CHUNK = re.compile(r"[0-9]+(\.[0-9]+)*")
 _NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")
 
 
-def carried_problems(pieces: Pieces) -> Iterator[Problem]:
+def carried_problems(pieces: PartialStore) -> Iterator[Problem]:
     """Give a problem for each thing that the store carries and that is not what was written."""
     arrays = list(carried_by(pieces.config))
     for group in dict.fromkeys(array.partition("/")[0] for array in arrays):
@@ -55,7 +55,7 @@ def carried_problems(pieces: Pieces) -> Iterator[Problem]:
             yield _problem(array, fault)
 
 
-def label_problems(pieces: Pieces) -> Iterator[Problem]:
+def label_problems(pieces: PartialStore) -> Iterator[Problem]:
     """Give a problem for each added label that is not what was written."""
     path = pieces.path
     if not (path / LABELS).is_dir():
@@ -88,7 +88,7 @@ def label_faults(path: Path, name: str) -> Iterator[Problem]:
             yield _problem(f"{LABELS}/{name}", "success and outcome do not agree")
 
 
-def recoded(pieces: Pieces) -> Iterator[str]:
+def recoded(pieces: PartialStore) -> Iterator[str]:
     """Give the path of each array beside the rows that another program has written anew."""
     labels = added_labels(pieces.path)
     arrays = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
@@ -107,7 +107,7 @@ def placeholder_problems(path: Path, name: str) -> Iterator[Problem]:
         yield _problem(name, fault)
 
 
-def packed_problems(pieces: Pieces, broken: Set[int]) -> Iterator[Problem]:
+def packed_problems(pieces: PartialStore, broken: Set[int]) -> Iterator[Problem]:
     """Give a problem for each packed segment that does not say what its blocks say.
 
     Args:
@@ -128,7 +128,7 @@ def packed_problems(pieces: Pieces, broken: Set[int]) -> Iterator[Problem]:
                 yield _problem(f"{FOLDER}/{segment.file.name}", fault)
 
 
-def strangers(pieces: Pieces) -> Iterator[str]:
+def strangers(pieces: PartialStore) -> Iterator[str]:
     """Give a note for each folder with files that are not the store's; nothing reads them."""
     own = {path: len(field.dims) for path, field in pieces.fields.items()}
     parents = {str(parent) for path in own for parent in Path(path).parents}
@@ -180,7 +180,7 @@ def _is_left(name: str) -> bool:
     return name.startswith(".") or name.endswith(PARTIAL)
 
 
-def _is_own(file: str, folder: str, pieces: Pieces) -> bool:
+def _is_own(file: str, folder: str, pieces: PartialStore) -> bool:
     if file == FILE:
         return True
     field, match = pieces.fields.get(folder), _NUMBER.fullmatch(file)
@@ -213,7 +213,7 @@ def _values_fault(values: NDArray[Any], document: Any) -> str:
     return "" if is_same else "does not match its checksum"
 
 
-def _segment_fault(segment: Segment, columns: Columns, pieces: Pieces) -> str:
+def _segment_fault(segment: Segment, columns: Columns, pieces: PartialStore) -> str:
     names = [name for name in columns.names if name not in NOT_PACKED]
     paths = [f"episodes/{name}" for name in names]
     packed = segment.read([*paths, BYTES])

@@ -9,11 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from grasp_factory import schema
-from grasp_factory.executors import Report
-from grasp_factory.platforms import is_fingerprint
-from grasp_factory.rows import Row
-from grasp_factory.verifying.contents import (
+from grasp_factory.core import schema
+from grasp_factory.core.platforms import is_fingerprint
+from grasp_factory.curation.verify.contents import (
     OF_QUARANTINED,
     behind_problems,
     beside,
@@ -27,12 +25,14 @@ from grasp_factory.verifying.contents import (
     read_block,
     trimmed,
 )
-from grasp_factory.verifying.invariants import faults
-from grasp_factory.verifying.pieces import Pieces, open_pieces
-from grasp_factory.verifying.problems import GENERATE, REPAIR, Problem
-from grasp_factory.writers.aside import aside
-from grasp_factory.writers.layout import block_files
-from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
+from grasp_factory.curation.verify.invariants import faults
+from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
+from grasp_factory.curation.verify.problems import GENERATE, REPAIR, Problem
+from grasp_factory.dataset.row_codec import Row
+from grasp_factory.factory.executors import SendMessage
+from grasp_factory.writers.zarr.atomic_store import aside
+from grasp_factory.writers.zarr.layout import block_files
+from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 UNKNOWN = -1
 NOT_EMPTY = (*OF_QUARANTINED, schema.FINGERPRINT.path)
@@ -65,7 +65,7 @@ class BlockChecker:
     def __reduce__(self) -> tuple[Any, ...]:
         return BlockChecker, (self._path,)
 
-    def __call__(self, blocks: range, report: Report) -> Findings:
+    def __call__(self, blocks: range, report: SendMessage) -> Findings:
         """Check some blocks."""
         findings = Findings()
         for block in blocks:
@@ -75,7 +75,7 @@ class BlockChecker:
         return findings
 
     @cached_property
-    def _pieces(self) -> Pieces:
+    def _pieces(self) -> PartialStore:
         return open_pieces(self._path)[0]
 
     def _check(self, block: int, findings: Findings) -> None:
@@ -105,7 +105,7 @@ class BlockChecker:
         findings.problems += behind_problems(pieces, block)
 
 
-def row_problems(row: Row, status: int, pieces: Pieces, i: int) -> Iterator[Problem]:
+def row_problems(row: Row, status: int, pieces: PartialStore, i: int) -> Iterator[Problem]:
     """Give the problems of a row, but that it is missing."""
     if status in (COMMITTED, QUARANTINED):
         yield from fingerprint_problems(row, pieces, i)
@@ -126,7 +126,7 @@ def row_problems(row: Row, status: int, pieces: Pieces, i: int) -> Iterator[Prob
         yield Problem(episode=i, array=schema.STATUS.path, what=what)
 
 
-def _committed_problems(row: Row, pieces: Pieces, i: int) -> Iterator[Problem]:
+def _committed_problems(row: Row, pieces: PartialStore, i: int) -> Iterator[Problem]:
     contents = trimmed(row, pieces.fields)
     wrong = committed_problems(row, contents, pieces, i)
     if wrong:

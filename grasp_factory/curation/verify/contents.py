@@ -9,24 +9,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.episode import checksum
+from grasp_factory.core import schema
+from grasp_factory.core.episode import checksum
+from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
+from grasp_factory.core.schema import Field
+from grasp_factory.curation.verify.partial_store import PartialStore
+from grasp_factory.curation.verify.problems import Problem
+from grasp_factory.dataset.row_codec import Row, fixed, is_fill
 from grasp_factory.errors import StoreError
-from grasp_factory.platforms import FINGERPRINT, is_fingerprint
-from grasp_factory.rows import Row, fixed, is_fill
-from grasp_factory.schema import Field
-from grasp_factory.verifying.pieces import Pieces
-from grasp_factory.verifying.problems import Problem
-from grasp_factory.writers.digests import digest
-from grasp_factory.writers.layout import block_files
-from grasp_factory.writers.stored import StoredArray
+from grasp_factory.writers.zarr.array_reader import StoredArray
+from grasp_factory.writers.zarr.digests import digest
+from grasp_factory.writers.zarr.layout import block_files
 
 OF_QUARANTINED = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
 """Paths of what is kept of an episode that is quarantined."""
 _NOT_CHECKED = (schema.STATUS.path, schema.CHECKSUM.path)
 
 
-def read_block(pieces: Pieces, block: int) -> tuple[list[Row], list[Problem]]:
+def read_block(pieces: PartialStore, block: int) -> tuple[list[Row], list[Problem]]:
     """Return the rows of a block, padding and all, and a problem for each that cannot be read.
 
     What cannot be read is left out of its row.
@@ -67,7 +67,7 @@ def trimmed(row: Mapping[str, NDArray[Any]], fields: Mapping[str, Field]) -> Row
     return out
 
 
-def committed_problems(row: Row, contents: Row, pieces: Pieces, i: int) -> list[Problem]:
+def committed_problems(row: Row, contents: Row, pieces: PartialStore, i: int) -> list[Problem]:
     """Return where the contents of a committed row do not match what they were written with.
 
     Args:
@@ -97,7 +97,7 @@ def committed_problems(row: Row, contents: Row, pieces: Pieces, i: int) -> list[
     return out
 
 
-def quarantined_problems(row: Row, pieces: Pieces, i: int) -> list[Problem]:
+def quarantined_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem]:
     """Return what is wrong with what is kept of a quarantined row."""
     stored = row.get(schema.CHECKSUM.path)
     if stored is None or not all(path in row for path in OF_QUARANTINED):
@@ -110,7 +110,7 @@ def quarantined_problems(row: Row, pieces: Pieces, i: int) -> list[Problem]:
     return []
 
 
-def fingerprint_problems(row: Row, pieces: Pieces, i: int) -> list[Problem]:
+def fingerprint_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem]:
     """Return what is wrong with the text of the platform that a row was made on.
 
     Rows of a store that was put together, or was made without fingerprints, may have none.
@@ -123,19 +123,19 @@ def fingerprint_problems(row: Row, pieces: Pieces, i: int) -> list[Problem]:
     return [_problem(i, schema.FINGERPRINT.path, what)]
 
 
-def is_complete(contents: Row, pieces: Pieces) -> bool:
+def is_complete(contents: Row, pieces: PartialStore) -> bool:
     """Say whether all that an episode consists of could be read."""
     return all(p in contents for p in pieces.fields if p not in schema.NOT_IN_AN_EPISODE)
 
 
-def is_whole(row: Row, contents: Row, pieces: Pieces) -> bool:
+def is_whole(row: Row, contents: Row, pieces: PartialStore) -> bool:
     """Say whether an episode's contents could be read, and match the checksum of the row."""
     stored = str(row.get(schema.CHECKSUM.path, ""))
     return bool(stored) and is_complete(contents, pieces) and checksum(contents) == stored
 
 
 def padding_problems(
-    row: Mapping[str, NDArray[Any]], kept: Mapping[str, int], pieces: Pieces, i: int
+    row: Mapping[str, NDArray[Any]], kept: Mapping[str, int], pieces: PartialStore, i: int
 ) -> list[Problem]:
     """Return a problem if a row holds something where there should be nothing.
 
@@ -157,7 +157,7 @@ def padding_problems(
     return [_problem(i, filled[0], f"holds something where nothing was recorded{others}")]
 
 
-def behind_problems(pieces: Pieces, block: int) -> list[Problem]:
+def behind_problems(pieces: PartialStore, block: int) -> list[Problem]:
     """Return a problem if the files of a last, short block hold something behind its last row."""
     rows = pieces.rows_of(block)
     stop = rows.start + pieces.config.block_size
@@ -172,7 +172,7 @@ def behind_problems(pieces: Pieces, block: int) -> list[Problem]:
     return []
 
 
-def padded(row: Row, pieces: Pieces) -> dict[str, int]:
+def padded(row: Row, pieces: PartialStore) -> dict[str, int]:
     """Return what of a committed row is no padding; see ``padding_problems``."""
     out = {schema.ERROR.path: 0}
     for path in row:
@@ -182,7 +182,7 @@ def padded(row: Row, pieces: Pieces) -> dict[str, int]:
     return out
 
 
-def beside(paths: tuple[str, ...], pieces: Pieces) -> dict[str, int]:
+def beside(paths: tuple[str, ...], pieces: PartialStore) -> dict[str, int]:
     """Return that a row has nothing but these paths; see ``padding_problems``."""
     return {path: 0 for path in pieces.fields if path not in (*paths, *_NOT_CHECKED)}
 
@@ -205,7 +205,7 @@ def _values(
             yield k, error
 
 
-def _wrong_digests(row: Row, contents: Row, pieces: Pieces) -> list[str]:
+def _wrong_digests(row: Row, contents: Row, pieces: PartialStore) -> list[str]:
     """Return the paths whose values do not match their digests, as far as there are any."""
     if schema.DIGESTS.path not in row:
         return []
@@ -213,7 +213,7 @@ def _wrong_digests(row: Row, contents: Row, pieces: Pieces) -> list[str]:
     return [p for p, stored in digests if p in contents and digest(contents[p]) != stored]
 
 
-def _is_length(path: str, length: int, pieces: Pieces) -> bool:
+def _is_length(path: str, length: int, pieces: PartialStore) -> bool:
     rooms = [
         array.zarr.shape[1]
         for name, array in pieces.arrays.items()

@@ -6,15 +6,17 @@ import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from grasp_factory.core.platforms import PARTS, meaning
+from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.executors import Report
-from grasp_factory.platforms import PARTS, meaning
-from grasp_factory.replay import Replay, replay
-from grasp_factory.verifying.problems import Problem
+from grasp_factory.factory.executors import SendMessage
+
+if TYPE_CHECKING:
+    from grasp_factory.curation.replay import Replay
 
 SEEDS = 2**32
 
@@ -51,11 +53,14 @@ class Simulator:
     def __reduce__(self) -> tuple[Any, ...]:
         return Simulator, (self._path,)
 
-    def __call__(self, row: int, report: Report) -> Simulated:
+    def __call__(self, row: int, report: SendMessage) -> Simulated:
         """Compare what a row's recipe gives with what is stored.
 
         Other bytes are a problem unless the fingerprint says that they may be others here.
         """
+        # Replaying loads the simulator, which the other checks do without.
+        from grasp_factory.curation.replay import replay  # noqa: PLC0415
+
         try:
             result = replay(self._path, row)
         except GraspFactoryError as error:

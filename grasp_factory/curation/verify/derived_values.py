@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.episode import EpisodeSpec
-from grasp_factory.labels import disturbance, judge, measure
-from grasp_factory.outcome import Outcome, Phase
-from grasp_factory.quality import MEASURED, quality_scores
-from grasp_factory.rows import Row
-from grasp_factory.verifying.problems import Fault
+from grasp_factory.core.enums import Outcome, Phase
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.curation.verify.problems import Fault
+from grasp_factory.dataset.row_codec import Row
+from grasp_factory.labels.quality import MEASURED, quality_scores
+from grasp_factory.labels.rule import disturbance, judge, measure
 
 BEFORE_CLOSING = (
     *(Outcome.NEVER_SETTLED, Outcome.LEFT_WORKSPACE, Outcome.NO_PLAN, Outcome.UNREACHABLE),

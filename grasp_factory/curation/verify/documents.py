@@ -8,14 +8,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from grasp_factory import __version__, schema
-from grasp_factory.config import FactoryConfig
+from grasp_factory import __version__
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.curation.verify.length import rows_of
+from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, shown
-from grasp_factory.verifying.length import rows_of
-from grasp_factory.verifying.problems import Problem
-from grasp_factory.writers import layout
-from grasp_factory.writers.header import fields_of, first_line, read_attributes
-from grasp_factory.writers.seals import SEAL, is_intact
+from grasp_factory.writers.zarr import layout
+from grasp_factory.writers.zarr.header import fields_of, first_line, read_attributes
+from grasp_factory.writers.zarr.metadata_checksum import SEAL, is_intact
 
 FILE = "zarr.json"
 COPY_ROOT = (

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
-from grasp_factory.verifying.problems import Problem
-from grasp_factory.writers import layout
-from grasp_factory.writers.seals import SEAL
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.curation.verify.problems import Problem
+from grasp_factory.writers.zarr import layout
+from grasp_factory.writers.zarr.metadata_checksum import SEAL
 
 _CODECS = ({"bytes", "zstd"}, {"vlen-utf8", "zstd"}, {"sharding_indexed"})
 """Names of the codecs of arrays as this package, or Zarr by itself, writes them."""

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import Intrinsics
-from grasp_factory.episode import EpisodeSpec
+from grasp_factory.core.camera import Intrinsics
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.core.finite_check import non_finite
+from grasp_factory.curation.verify.derived_values import label_faults
+from grasp_factory.curation.verify.partial_store import PartialStore
+from grasp_factory.curation.verify.problems import Fault
+from grasp_factory.curation.verify.time_series import series_faults
+from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import shown
-from grasp_factory.finite import non_finite
-from grasp_factory.quality import BEST, WORST
-from grasp_factory.rows import Row
-from grasp_factory.verifying.labelled import label_faults
-from grasp_factory.verifying.pieces import Pieces
-from grasp_factory.verifying.problems import Fault
-from grasp_factory.verifying.recorded import series_faults
+from grasp_factory.labels.quality import BEST, WORST
 
 UNIT = 1e-5
 """By how much a quaternion in single precision may fail to be unit, and a matrix to be a turn."""
@@ -34,7 +34,7 @@ _NOT_NEGATIVE = (
 )
 
 
-def faults(contents: Row, pieces: Pieces, i: int) -> Iterator[Fault]:
+def faults(contents: Row, pieces: PartialStore, i: int) -> Iterator[Fault]:
     """Give each array of an episode that holds what cannot be, and what that is.
 
     Args:
@@ -61,7 +61,9 @@ def faults(contents: Row, pieces: Pieces, i: int) -> Iterator[Fault]:
     yield from label_faults(contents, spec)
 
 
-def _recipe_faults(contents: Row, spec: EpisodeSpec, pieces: Pieces, i: int) -> Iterator[Fault]:
+def _recipe_faults(
+    contents: Row, spec: EpisodeSpec, pieces: PartialStore, i: int
+) -> Iterator[Fault]:
     """Compare the recipe with the columns that repeat it, and with its place in the store."""
     target = spec.objects[0]
     wanted: dict[str, Any] = {
@@ -86,7 +88,7 @@ def _recipe_faults(contents: Row, spec: EpisodeSpec, pieces: Pieces, i: int) -> 
             yield "episodes/seed", f"{spec.seed}, the store has seed {pieces.config.seed}"
 
 
-def _code_faults(contents: Row, pieces: Pieces) -> Iterator[Fault]:
+def _code_faults(contents: Row, pieces: PartialStore) -> Iterator[Fault]:
     """Look for values of coded arrays, masks among them, that no word stands for."""
     for path, values in contents.items():
         names = pieces.fields[path].names
@@ -133,7 +135,9 @@ def _is_rigid(T: NDArray[Any]) -> bool:
     return bool(is_turn and (np.linalg.det(R) > 0.0).all() and (last == [0.0, 0.0, 0.0, 1.0]).all())
 
 
-def _camera_faults(contents: Row, name: str, spec: EpisodeSpec, pieces: Pieces) -> Iterator[Fault]:
+def _camera_faults(
+    contents: Row, name: str, spec: EpisodeSpec, pieces: PartialStore
+) -> Iterator[Fault]:
     at, camera = f"cameras/{name}", spec.cameras[name]
     depth, far = contents[f"{at}/depth"], camera.far * (1.0 + FAR)
     if depth.min() <= 0.0 or depth.max() > far:

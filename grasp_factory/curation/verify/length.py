@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.schema import Field
+from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import StoreError
-from grasp_factory.records import is_integer
-from grasp_factory.schema import Field
-from grasp_factory.writers.chunks import unpack, unpack_words
-from grasp_factory.writers.layout import block_files
+from grasp_factory.writers.zarr.chunks import unpack, unpack_words
+from grasp_factory.writers.zarr.layout import block_files
 
 _OF_EVERY_ROW = (
     *(schema.STATUS.path, schema.CHECKSUM.path),

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.schema import Field
+from grasp_factory.curation.verify.documents import array_documents, length_problems
+from grasp_factory.curation.verify.foreign_chunks import is_rewritten
+from grasp_factory.curation.verify.length import most_rows, number_of_rows
+from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.errors import StoreError
-from grasp_factory.schema import Field
-from grasp_factory.verifying.documents import array_documents, length_problems
-from grasp_factory.verifying.length import most_rows, number_of_rows
-from grasp_factory.verifying.problems import Problem
-from grasp_factory.verifying.rewritten import is_rewritten
-from grasp_factory.writers.header import SOURCES, open_array, open_store
-from grasp_factory.writers.stored import StoredArray, stored
+from grasp_factory.writers.zarr.array_reader import StoredArray, stored
+from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pieces:
+class PartialStore:
     """What of a store can be read.
 
     Attributes:
@@ -65,7 +65,7 @@ class Pieces:
         return range(start, min(start + self.config.block_size, self.rows))
 
 
-def open_pieces(path: Path) -> tuple[Pieces, list[Problem]]:
+def open_pieces(path: Path) -> tuple[PartialStore, list[Problem]]:
     """Open what can be opened of the store at ``path``, whose root is whole.
 
     Returns:
@@ -99,7 +99,7 @@ def open_pieces(path: Path) -> tuple[Pieces, list[Problem]]:
             arrays[name] = stored(open_array(root, name), path / name)
         except StoreError as error:
             problems.append(Problem(episode=None, array=name, what=str(error)))
-    pieces = Pieces(
+    pieces = PartialStore(
         path=path,
         config=config,
         attributes=root.attrs.asdict(),

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.episode import EpisodeSpec
-from grasp_factory.outcome import Phase
-from grasp_factory.rows import Row
-from grasp_factory.verifying.problems import Fault
+from grasp_factory.core.enums import Phase
+from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.curation.verify.problems import Fault
+from grasp_factory.dataset.row_codec import Row
 
 EVEN = 1e-9
 """Seconds by which a timestamp may be off: it is a quotient of whole numbers."""

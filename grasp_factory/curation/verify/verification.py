@@ -7,29 +7,29 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.errors import StoreError
-from grasp_factory.executors import Executor, InlineExecutor, ProcessExecutor
-from grasp_factory.platforms import PARTS, differing, fingerprint_of, meaning, parsed
-from grasp_factory.records import check, is_integer
-from grasp_factory.replay import changed_since
-from grasp_factory.report_words import count
-from grasp_factory.request import MAX_EPISODES, MAX_WORKERS
-from grasp_factory.verifying.annotated import annotation_problems
-from grasp_factory.verifying.beside import (
+from grasp_factory.core.platforms import PARTS, differing, fingerprint_of, meaning, parsed
+from grasp_factory.core.serialization import check, is_integer
+from grasp_factory.core.text_format import count
+from grasp_factory.curation.verify.annotation_log import annotation_problems
+from grasp_factory.curation.verify.auxiliary_data import (
     carried_problems,
     label_problems,
     packed_problems,
     recoded,
     strangers,
 )
-from grasp_factory.verifying.blocks import BlockChecker, Findings
-from grasp_factory.verifying.deep import SEEDS, Simulator, draw, elsewhere, new_seed
-from grasp_factory.verifying.documents import group_faults, has_config, root_problem
-from grasp_factory.verifying.pieces import Pieces, open_pieces
-from grasp_factory.verifying.problems import Problem, Report
-from grasp_factory.verifying.rewritten import sorted_out
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.zarr import COMMITTED
+from grasp_factory.curation.verify.blocks import BlockChecker, Findings
+from grasp_factory.curation.verify.deep import SEEDS, Simulator, draw, elsewhere, new_seed
+from grasp_factory.curation.verify.documents import group_faults, has_config, root_problem
+from grasp_factory.curation.verify.foreign_chunks import sorted_out
+from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
+from grasp_factory.curation.verify.problems import Problem, VerifyReport
+from grasp_factory.errors import StoreError
+from grasp_factory.factory.executors import Executor, InlineExecutor, ProcessExecutor
+from grasp_factory.factory.run_request import MAX_EPISODES, MAX_WORKERS
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.made_with import changed_since
+from grasp_factory.writers.zarr.writer import COMMITTED
 
 BLOCKS_AT_ONCE = 16
 """Blocks that a worker gets at a time."""
@@ -45,7 +45,7 @@ def verify(
     deep_seed: int | None = None,
     on_start: Callable[[int], None] = lambda rows: None,
     on_episode: Callable[[int], None] = lambda row: None,
-) -> Report:
+) -> VerifyReport:
     """Check everything in the store at ``path`` against its checksums and against itself.
 
     Nothing is changed. With more than one worker, call it under ``if __name__ == "__main__":``.
@@ -91,7 +91,7 @@ def verify(
     executor = executor_for(workers, len(simulated), few=1)
     again = list(executor.run(Simulator(path), simulated, on_episode))
     problems += [one.problem for one in again if one.problem]
-    return Report(
+    return VerifyReport(
         path=str(path),
         episodes=pieces.rows,
         committed=found.committed,
@@ -105,7 +105,7 @@ def verify(
     )
 
 
-def structure_problems(pieces: Pieces) -> list[Problem]:
+def structure_problems(pieces: PartialStore) -> list[Problem]:
     """Return the problems of groups, and of what the store has beside its rows."""
     groups = group_faults(pieces.path, pieces.config)
     out = [Problem(episode=None, array=name, what=fault) for name, fault in groups]
@@ -115,7 +115,7 @@ def structure_problems(pieces: Pieces) -> list[Problem]:
 
 
 def check_blocks(
-    pieces: Pieces, blocks: range, workers: int, on_episode: Callable[[int], None]
+    pieces: PartialStore, blocks: range, workers: int, on_episode: Callable[[int], None]
 ) -> Findings:
     """Check some blocks."""
     jobs = [
@@ -141,7 +141,7 @@ def _joined(several: Iterable[Findings]) -> Findings:
     return out
 
 
-def _of_platforms(pieces: Pieces, found: Findings) -> list[str]:
+def _of_platforms(pieces: PartialStore, found: Findings) -> list[str]:
     """Return a note if rows come from other platforms than that of the store's fingerprint."""
     begun = fingerprint_of(pieces.attributes)
     others = {text: n for text, n in found.fingerprints.items() if begun and text != begun.text}
@@ -154,7 +154,7 @@ def _of_platforms(pieces: Pieces, found: Findings) -> list[str]:
             f"{meaning(parts)}"]  # fmt: skip
 
 
-def _simulable(pieces: Pieces, found: Findings) -> list[int]:
+def _simulable(pieces: PartialStore, found: Findings) -> list[int]:
     """Return the committed rows without a problem."""
     if len(pieces.arrays) < len(pieces.fields):
         return []
@@ -167,8 +167,8 @@ def _simulable(pieces: Pieces, found: Findings) -> list[int]:
     return [row for row in committed.tolist() if row not in broken]
 
 
-def _unreadable(path: Path, problem: Problem) -> Report:
-    return Report(
+def _unreadable(path: Path, problem: Problem) -> VerifyReport:
+    return VerifyReport(
         path=str(path),
         episodes=0,
         committed=0,

@@ -5,10 +5,10 @@ Nothing here is derived: no index, no repair and no new run makes it again, and 
 
 from __future__ import annotations
 
-from grasp_factory.annotations.carrying import carry
-from grasp_factory.annotations.folding import fold
-from grasp_factory.annotations.log import AnnotationLog, default_who
-from grasp_factory.annotations.records import Annotation, Change, Mark
-from grasp_factory.annotations.values import KINDS
+from grasp_factory.dataset.annotations.carrying import carry
+from grasp_factory.dataset.annotations.folding import fold
+from grasp_factory.dataset.annotations.log import AnnotationLog, default_who
+from grasp_factory.dataset.annotations.records import Annotation, Change, Mark
+from grasp_factory.dataset.annotations.values import KINDS
 
 __all__ = ["KINDS", "Annotation", "AnnotationLog", "Change", "Mark", "carry", "default_who", "fold"]

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from grasp_factory.annotations.files import FOLDER, NAME, replace_log
-from grasp_factory.annotations.lines import encode
-from grasp_factory.annotations.log import AnnotationLog
+from grasp_factory.dataset.annotations.lines import encode
+from grasp_factory.dataset.annotations.log import AnnotationLog
+from grasp_factory.dataset.annotations.log_file import FOLDER, NAME, replace_log
 from grasp_factory.errors import StoreError
 
 HOW_TO_MEND = "nothing tells what it said: look at it, then delete that line"

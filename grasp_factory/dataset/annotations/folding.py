@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from grasp_factory.annotations.records import Annotation, Change, Mark
-from grasp_factory.records import from_plain
+from grasp_factory.core.serialization import from_plain
+from grasp_factory.dataset.annotations.records import Annotation, Change, Mark
 
 
 def fold(changes: Iterable[Change]) -> dict[int, Annotation]:

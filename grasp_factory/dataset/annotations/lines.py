@@ -8,10 +8,10 @@ import zlib
 from datetime import UTC, datetime
 from typing import Any
 
-from grasp_factory.annotations.records import Change
-from grasp_factory.annotations.values import checked, checked_who
+from grasp_factory.core.serialization import is_integer
+from grasp_factory.dataset.annotations.records import Change
+from grasp_factory.dataset.annotations.values import checked, checked_who
 from grasp_factory.errors import UsageError
-from grasp_factory.records import is_integer
 
 MOST_ROWS = 10**9
 _SEAL = re.compile(rb', "crc32": "([0-9a-f]{8})"\}')

@@ -9,8 +9,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from grasp_factory.annotations.records import Annotation, Change
-from grasp_factory.records import to_plain
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.dataset.annotations.records import Annotation, Change
 
 COLUMNS = ("row", "tags", "note", "quality", "outcome", "marks", "changed", "by")
 HISTORY = Change.__slots__

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from grasp_factory.annotations.files import append, appending, log_file, reading
-from grasp_factory.annotations.folding import fold_in
-from grasp_factory.annotations.lines import decode, encode, now
-from grasp_factory.annotations.place import check_place
-from grasp_factory.annotations.records import Annotation, Change
-from grasp_factory.annotations.values import checked, checked_who
+from grasp_factory.core.serialization import is_integer
+from grasp_factory.dataset.annotations.folding import fold_in
+from grasp_factory.dataset.annotations.lines import decode, encode, now
+from grasp_factory.dataset.annotations.log_file import append, appending, log_file, reading
+from grasp_factory.dataset.annotations.place import check_place
+from grasp_factory.dataset.annotations.records import Annotation, Change
+from grasp_factory.dataset.annotations.values import checked, checked_who
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.records import is_integer
 
 USER = "GRASP_FACTORY_USER"
 """Environment variable with the name of who makes changes."""

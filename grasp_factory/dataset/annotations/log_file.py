@@ -11,11 +11,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from grasp_factory.annotations.lines import decode
+from grasp_factory.dataset.annotations.lines import decode
 from grasp_factory.errors import StoreBusyError, StoreError
-from grasp_factory.writers.files import fsync, write_aside
-from grasp_factory.writers.placeholder import write_placeholder
-from grasp_factory.writers.seals import is_sealed
+from grasp_factory.writers.zarr.files import fsync, write_aside
+from grasp_factory.writers.zarr.metadata_checksum import is_sealed
+from grasp_factory.writers.zarr.placeholder import write_placeholder
 
 FOLDER, NAME = "annotations", "log.jsonl"
 DESCRIPTION = "place of log.jsonl, what people say of episodes; not derived, only appended to"

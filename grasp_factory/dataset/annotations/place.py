@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.serialization import check
 from grasp_factory.errors import UsageError
-from grasp_factory.records import check
-from grasp_factory.writers.header import open_store
-from grasp_factory.writers.stored import StoredArray, open_arrays
-from grasp_factory.writers.zarr import MISSING
+from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays
+from grasp_factory.writers.zarr.header import open_store
+from grasp_factory.writers.zarr.writer import MISSING
 
 
 def check_place(store: Path, rows: Sequence[int], changes: Sequence[tuple[str, Any]]) -> None:

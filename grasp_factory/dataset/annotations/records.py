@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from grasp_factory.annotations.text import checked_text
-from grasp_factory.records import check, normalise
+from grasp_factory.core.serialization import check, normalise
+from grasp_factory.dataset.annotations.text import checked_text
 
 SHAPES = {"box": 4, "point": 2}
 """Shapes of marks, with how many numbers they have."""

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from grasp_factory.annotations.records import Mark
-from grasp_factory.annotations.text import checked_lines, checked_text
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.serialization import check, from_plain, is_integer, to_plain
+from grasp_factory.dataset.annotations.records import Mark
+from grasp_factory.dataset.annotations.text import checked_lines, checked_text
 from grasp_factory.errors import lookup, shown
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.records import check, from_plain, is_integer, to_plain
 
 LONGEST_TAG, LONGEST_NOTE, LONGEST_NAME = 64, 4000, 64
 BEST_QUALITY = 5

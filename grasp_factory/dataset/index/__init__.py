@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from grasp_factory.index.building import Built, build, default_path
-from grasp_factory.index.columns import COLUMNS, Column
-from grasp_factory.index.handle import Index
-from grasp_factory.index.opening import fresh
-from grasp_factory.index.query import OPERATORS, SYNTAX, Condition, Query, Sort
-from grasp_factory.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
+from grasp_factory.dataset.index.building import Built, build, default_path
+from grasp_factory.dataset.index.columns import COLUMNS, IndexColumn
+from grasp_factory.dataset.index.handle import Index
+from grasp_factory.dataset.index.opening import fresh
+from grasp_factory.dataset.index.query import OPERATORS, SYNTAX, Condition, Query, Sort
+from grasp_factory.dataset.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
 
 __all__ = [
     "COLUMNS",
     "OPERATORS",
     "SYNTAX",
     "Built",
-    "Column",
     "Condition",
     "Index",
+    "IndexColumn",
     "IndexedStore",
     "Neighbours",
     "NumberBins",

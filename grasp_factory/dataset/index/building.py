@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from grasp_factory.annotations import Annotation, AnnotationLog
+from grasp_factory.dataset.annotations import Annotation, AnnotationLog
+from grasp_factory.dataset.index.columns import BY_NAME, OF_PEOPLE, OF_ROWS, OF_STORES
+from grasp_factory.dataset.index.database import built_aside, quoted, row_id
+from grasp_factory.dataset.index.indexed_store import IndexSource, state_of
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.index.columns import BY_NAME, OF_PEOPLE, OF_ROWS, OF_STORES
-from grasp_factory.index.database import built_aside, quoted, row_id
-from grasp_factory.index.source import Source, state_of
-from grasp_factory.writers.header import read_attributes
+from grasp_factory.writers.zarr.header import read_attributes
 
 SUFFIX = ".index.sqlite"
 
@@ -86,7 +86,7 @@ def build(
         if path.resolve() in (place, *place.parents):
             raise UsageError(f"index {out}: it would lie in the store {path}; choose another file")
     states = [state_of(path) for path in paths if read_attributes(path)]
-    sources = [Source(path) for path in paths]
+    sources = [IndexSource(path) for path in paths]
     blocks = [source.blocks() for source in sources]
     on_start(sum(s.episodes(b) for s, b in zip(sources, blocks, strict=True)))
     rows = 0
@@ -101,7 +101,7 @@ def build(
 
 
 def add_store(
-    connection: sqlite3.Connection, number: int, source: Source, state: str | None
+    connection: sqlite3.Connection, number: int, source: IndexSource, state: str | None
 ) -> None:
     """Put down a store and its facts, without its rows."""
     facts = source.facts
@@ -115,7 +115,7 @@ def add_store(
 def add_blocks(
     connection: sqlite3.Connection,
     number: int,
-    source: Source,
+    source: IndexSource,
     blocks: Mapping[int, str],
     on_row: Callable[[int], None] = lambda row: None,
 ) -> list[int]:

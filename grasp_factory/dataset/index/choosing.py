@@ -14,8 +14,8 @@ import sqlite3
 from array import array
 from collections.abc import Iterator, Set
 
-from grasp_factory.index.query import Query
-from grasp_factory.index.sql import Clause, Facts, condition_clause, order
+from grasp_factory.dataset.index.query import Query
+from grasp_factory.dataset.index.sql import Clause, SharedColumns, condition_clause, order
 
 FEW = 10
 """Found rows are sorted by themselves where they are fewer than all by this factor."""
@@ -23,7 +23,9 @@ FEW_LEFT_OUT = 4
 """Those that are left out are looked up instead where they are fewer than all by this factor."""
 
 
-def found_ids(connection: sqlite3.Connection, query: Query, facts: Facts) -> Set[int] | None:
+def found_ids(
+    connection: sqlite3.Connection, query: Query, facts: SharedColumns
+) -> Set[int] | None:
     """Return the ids of the rows that a query finds; None for all there are."""
     found: set[int] | None = None
     for condition in query.conditions:
@@ -42,14 +44,14 @@ def number_of_rows(connection: sqlite3.Connection) -> int:
     return count
 
 
-def count_found(connection: sqlite3.Connection, query: Query, facts: Facts) -> int:
+def count_found(connection: sqlite3.Connection, query: Query, facts: SharedColumns) -> int:
     """Return how many rows a query finds."""
     found = found_ids(connection, query, facts)
     return number_of_rows(connection) if found is None else len(found)
 
 
 def in_order(
-    connection: sqlite3.Connection, query: Query, facts: Facts, found: Set[int] | None
+    connection: sqlite3.Connection, query: Query, facts: SharedColumns, found: Set[int] | None
 ) -> Iterator[int]:
     """Give the ids of found rows, in a query's order."""
     by = order(query, facts)
@@ -63,13 +65,13 @@ def in_order(
     return filter(found.__contains__, _walk(connection, by, Clause("1")))
 
 
-def all_in_order(connection: sqlite3.Connection, query: Query, facts: Facts) -> array[int]:
+def all_in_order(connection: sqlite3.Connection, query: Query, facts: SharedColumns) -> array[int]:
     """Return the ids of all rows that a query finds, in its order."""
     return array("q", in_order(connection, query, facts, found_ids(connection, query, facts)))
 
 
 def some_in_order(
-    connection: sqlite3.Connection, query: Query, facts: Facts, offset: int, limit: int
+    connection: sqlite3.Connection, query: Query, facts: SharedColumns, offset: int, limit: int
 ) -> tuple[int, list[int]]:
     """Return how many rows a query finds, and the ids of some of them in its order."""
     left_out = _left_out(connection, query, facts)
@@ -84,7 +86,9 @@ def some_in_order(
     return total, list(itertools.islice(rows, offset, stop))
 
 
-def _left_out(connection: sqlite3.Connection, query: Query, facts: Facts) -> set[int] | None:
+def _left_out(
+    connection: sqlite3.Connection, query: Query, facts: SharedColumns
+) -> set[int] | None:
     """Return the ids of the rows that a query's only condition leaves out, if they are few.
 
     To fetch those is less work than to fetch the others. Looking for a text is as much for any.

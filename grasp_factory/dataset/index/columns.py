@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.schema import FIELDS, NOT_IN_AN_EPISODE, Field
-from grasp_factory.splits import SPLITS
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.schema import FIELDS, NOT_IN_AN_EPISODE, Field
+from grasp_factory.core.splits import SPLITS
 
 STATUSES = ("committed", "quarantined")
 """Words of ``status``: rows that are missing are not in an index."""
@@ -15,7 +15,7 @@ OUTCOMES = tuple(names(Outcome))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class IndexColumn:
     """A column of the index."""
 
     name: str
@@ -55,9 +55,9 @@ STORED: Mapping[str, Field] = _stored()
 """Columns that are the store's own, as the schema has them."""
 
 
-def _columns() -> tuple[Column, ...]:
+def _columns() -> tuple[IndexColumn, ...]:
     own = {
-        name: Column(
+        name: IndexColumn(
             name=name,
             kind=_kind(row),
             units=row.units,
@@ -67,8 +67,8 @@ def _columns() -> tuple[Column, ...]:
         for name, row in STORED.items()
     }
 
-    def c(name: str, kind: str, description: str, **more: str | tuple[str, ...]) -> Column:
-        return Column(name=name, kind=kind, description=description, **more)  # type: ignore[arg-type]
+    def c(name: str, kind: str, description: str, **more: str | tuple[str, ...]) -> IndexColumn:
+        return IndexColumn(name=name, kind=kind, description=description, **more)  # type: ignore[arg-type]
 
     first = (
         c("store", "whole", "number of the store in the index"),
@@ -98,8 +98,8 @@ def _columns() -> tuple[Column, ...]:
     return (*first, *own.values(), *last)
 
 
-COLUMNS: tuple[Column, ...] = _columns()
-BY_NAME: Mapping[str, Column] = {column.name: column for column in COLUMNS}
+COLUMNS: tuple[IndexColumn, ...] = _columns()
+BY_NAME: Mapping[str, IndexColumn] = {column.name: column for column in COLUMNS}
 OF_STORES = ("scenario", "task_type", "extracted_path", "sensor_setup")
 """Columns that have one value for all rows of a store; the database keeps it once."""
 OF_ROWS = tuple(column.name for column in COLUMNS if column.name not in OF_STORES)

@@ -12,8 +12,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from grasp_factory.dataset.index.columns import BY_NAME, OF_ROWS
 from grasp_factory.errors import StoreError, UsageError
-from grasp_factory.index.columns import BY_NAME, OF_ROWS
 
 APPLICATION_ID = 0x47464958
 """Of SQLite files that are an index of ours: ``GFIX``."""

@@ -11,13 +11,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from grasp_factory.annotations import Annotation, AnnotationLog
-from grasp_factory.errors import UsageError, lookup
-from grasp_factory.index import histograms, updating
-from grasp_factory.index.building import set_annotation
-from grasp_factory.index.choosing import all_in_order, count_found, some_in_order
-from grasp_factory.index.columns import BY_NAME
-from grasp_factory.index.database import (
+from grasp_factory.dataset.annotations import Annotation, AnnotationLog
+from grasp_factory.dataset.index import histograms, updating
+from grasp_factory.dataset.index.building import set_annotation
+from grasp_factory.dataset.index.choosing import all_in_order, count_found, some_in_order
+from grasp_factory.dataset.index.columns import BY_NAME
+from grasp_factory.dataset.index.database import (
     connect_reading,
     damaged,
     gone,
@@ -27,9 +26,10 @@ from grasp_factory.index.database import (
     version_of,
     writing,
 )
-from grasp_factory.index.query import Query
-from grasp_factory.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
-from grasp_factory.index.shown import facts_of, rows_of
+from grasp_factory.dataset.index.query import Query
+from grasp_factory.dataset.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
+from grasp_factory.dataset.index.shown import facts_of, rows_of
+from grasp_factory.errors import UsageError, lookup
 
 NEAR = 10_000
 """Rows from the first on that are looked up for themselves; beyond, the whole order is kept."""

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from grasp_factory.dataset.index.choosing import found_ids, ids_of, in_order, number_of_rows
+from grasp_factory.dataset.index.columns import OF_STORES, IndexColumn
+from grasp_factory.dataset.index.database import quoted
+from grasp_factory.dataset.index.query import Condition, Query, Sort
+from grasp_factory.dataset.index.results import NumberBins, WordBars
+from grasp_factory.dataset.index.sql import Clause, SharedColumns, condition_clause
 from grasp_factory.errors import UsageError
-from grasp_factory.index.choosing import found_ids, ids_of, in_order, number_of_rows
-from grasp_factory.index.columns import OF_STORES, Column
-from grasp_factory.index.database import quoted
-from grasp_factory.index.query import Condition, Query, Sort
-from grasp_factory.index.results import NumberBins, WordBars
-from grasp_factory.index.sql import Clause, Facts, condition_clause
 
 MOST_BARS = 200
 MOST_BINS = 200
@@ -42,7 +42,11 @@ class _Rows:
 
 
 def histogram(
-    connection: sqlite3.Connection, column: Column, query: Query, facts: Facts, bins: int
+    connection: sqlite3.Connection,
+    column: IndexColumn,
+    query: Query,
+    facts: SharedColumns,
+    bins: int,
 ) -> WordBars | NumberBins:
     """Return how often each value of a column comes among the rows that a query finds.
 
@@ -63,7 +67,9 @@ def histogram(
     return WordBars(column=column.name, bars=bars[:MOST_BARS])
 
 
-def words(connection: sqlite3.Connection, column: Column, facts: Facts, limit: int) -> list[str]:
+def words(
+    connection: sqlite3.Connection, column: IndexColumn, facts: SharedColumns, limit: int
+) -> list[str]:
     """Return the different values of a column, sorted.
 
     Raises:
@@ -86,7 +92,7 @@ def words(connection: sqlite3.Connection, column: Column, facts: Facts, limit: i
 
 
 def _groups(
-    connection: sqlite3.Connection, column: Column, facts: Facts
+    connection: sqlite3.Connection, column: IndexColumn, facts: SharedColumns
 ) -> Iterator[tuple[str | None, set[int]]]:
     """Give each value of a column of words, with the ids of its rows."""
     if column.name in OF_STORES:
@@ -118,7 +124,9 @@ def _grouped(
         yield value, set(json.loads(text))
 
 
-def _bins(connection: sqlite3.Connection, column: Column, rows: _Rows, bins: int) -> NumberBins:
+def _bins(
+    connection: sqlite3.Connection, column: IndexColumn, rows: _Rows, bins: int
+) -> NumberBins:
     name = quoted(column.name)
     total = number_of_rows(connection) if rows.found is None else len(rows.found)
     span = _span(connection, column, rows.found)
@@ -141,7 +149,7 @@ def _bins(connection: sqlite3.Connection, column: Column, rows: _Rows, bins: int
 
 
 def _span(
-    connection: sqlite3.Connection, column: Column, found: Set[int] | None
+    connection: sqlite3.Connection, column: IndexColumn, found: Set[int] | None
 ) -> tuple[float, float] | None:
     """Return the least and the greatest value among found rows; None if there is no value."""
     ends: list[float] = []

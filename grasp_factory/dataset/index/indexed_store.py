@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import schema
+from grasp_factory.core import schema
+from grasp_factory.core.enums import Outcome
+from grasp_factory.dataset.index.columns import OF_ROWS, STATUSES, STORED
+from grasp_factory.dataset.index.words import lighting, scenario, sensor_setup
 from grasp_factory.errors import StoreError
-from grasp_factory.index.columns import OF_ROWS, STATUSES, STORED
-from grasp_factory.index.words import lighting, scenario, sensor_setup
-from grasp_factory.outcome import Outcome
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.zarr import COMMITTED, MISSING, QUARANTINED
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 TASK = "grasp"
 MARKERS = schema.STATUS.path
@@ -30,7 +30,7 @@ _NONE: Mapping[str, tuple[Any, ...]] = {"quality": (0,), "seed": (-1,), "index":
 """What stands for nothing in a whole column."""
 
 
-class Source:
+class IndexSource:
     """A store, opened to be indexed.
 
     Attributes:

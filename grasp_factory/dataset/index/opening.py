@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from grasp_factory.cache import cache_dir, digest
+from grasp_factory.core.cache import cache_dir, digest
+from grasp_factory.dataset.index.building import build, default_path, places
+from grasp_factory.dataset.index.database import VERSION, DamagedIndexError, version_of
+from grasp_factory.dataset.index.handle import Index
 from grasp_factory.errors import UsageError
-from grasp_factory.index.building import build, default_path, places
-from grasp_factory.index.database import VERSION, DamagedIndexError, version_of
-from grasp_factory.index.handle import Index
 
 
 def fresh(

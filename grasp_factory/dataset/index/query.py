@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from grasp_factory.dataset.index.columns import BY_NAME, IndexColumn
 from grasp_factory.errors import UsageError, lookup, shown
-from grasp_factory.index.columns import BY_NAME, Column
 
 SYNTAX = (
     "COLUMN=VALUE, COLUMN!=VALUE, COLUMN<VALUE, <=, >, >=, COLUMN~TEXT (contains),"
@@ -168,7 +168,7 @@ def _items(text: str) -> list[str | None]:
     return [None if word == "null" else word for word in words]
 
 
-def _read(column: Column, operator: str, text: str | None) -> Value:
+def _read(column: IndexColumn, operator: str, text: str | None) -> Value:
     """Return the value that a text stands for in a column, as far as it can be read."""
     if text is None:
         return None
@@ -181,13 +181,13 @@ def _read(column: Column, operator: str, text: str | None) -> Value:
     return text
 
 
-def _checked(column: Column, operator: str, value: Value) -> Value:
+def _checked(column: IndexColumn, operator: str, value: Value) -> Value:
     if value is None:
         return None
     return _CHECKS[column.kind](column, operator, value)
 
 
-def _word(column: Column, operator: str, value: Value) -> Value:
+def _word(column: IndexColumn, operator: str, value: Value) -> Value:
     if not isinstance(value, str) or not _is_text(value):
         raise _wrong(column, operator, value, "text")
     if operator == "~" and not value:
@@ -197,7 +197,7 @@ def _word(column: Column, operator: str, value: Value) -> Value:
     return value
 
 
-def _number(column: Column, operator: str, value: Value) -> Value:
+def _number(column: IndexColumn, operator: str, value: Value) -> Value:
     try:
         good = isinstance(value, int | float) and not isinstance(value, bool)
         good = good and math.isfinite(float(value))  # type: ignore[arg-type]
@@ -209,13 +209,13 @@ def _number(column: Column, operator: str, value: Value) -> Value:
     return value if isinstance(value, int) and abs(value) < 2**63 else float(value)
 
 
-def _bool(column: Column, operator: str, value: Value) -> Value:
+def _bool(column: IndexColumn, operator: str, value: Value) -> Value:
     if not isinstance(value, bool):
         raise _wrong(column, operator, value, "true or false")
     return value
 
 
-def _time(column: Column, operator: str, value: Value) -> Value:
+def _time(column: IndexColumn, operator: str, value: Value) -> Value:
     if not isinstance(value, str) or not _TIME.fullmatch(value) or not _is_on_calendar(value):
         valid = "a date or the beginning of one in UTC, such as 2026-03, 2026-03-01T08:30"
         raise _wrong(column, operator, value, valid)
@@ -232,7 +232,7 @@ def _is_on_calendar(text: str) -> bool:
     return True
 
 
-_CHECKS: Mapping[str, Callable[[Column, str, Value], Value]] = {
+_CHECKS: Mapping[str, Callable[[IndexColumn, str, Value], Value]] = {
     "word": _word,
     "text": _word,
     "json": _word,
@@ -253,5 +253,5 @@ def _is_text(value: str) -> bool:
     return len(value) <= LONGEST and "\0" not in value
 
 
-def _wrong(column: Column, operator: str, value: Any, valid: str) -> UsageError:
+def _wrong(column: IndexColumn, operator: str, value: Any, valid: str) -> UsageError:
     return UsageError(f"{column.name}{operator}: got {shown(value)}, valid: {valid}")

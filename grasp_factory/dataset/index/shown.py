@@ -7,9 +7,9 @@ import sqlite3
 from collections.abc import Callable
 from typing import Any
 
-from grasp_factory.index import sql
-from grasp_factory.index.columns import COLUMNS, OF_ROWS, OF_STORES
-from grasp_factory.index.database import place_of, quoted
+from grasp_factory.dataset.index import sql
+from grasp_factory.dataset.index.columns import COLUMNS, OF_ROWS, OF_STORES
+from grasp_factory.dataset.index.database import place_of, quoted
 
 
 def facts_of(connection: sqlite3.Connection) -> dict[int, dict[str, str]]:
@@ -19,7 +19,7 @@ def facts_of(connection: sqlite3.Connection) -> dict[int, dict[str, str]]:
 
 
 def rows_of(
-    connection: sqlite3.Connection, keys: list[int], facts: sql.Facts
+    connection: sqlite3.Connection, keys: list[int], facts: sql.SharedColumns
 ) -> list[dict[str, Any]]:
     """Return rows by their ids, in their order, as people see them."""
     names = ", ".join(map(quoted, OF_ROWS))

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from grasp_factory.index.columns import BY_NAME, OF_STORES
-from grasp_factory.index.database import quoted
-from grasp_factory.index.query import Condition, Query, Sort, Value
+from grasp_factory.dataset.index.columns import BY_NAME, OF_STORES
+from grasp_factory.dataset.index.database import quoted
+from grasp_factory.dataset.index.query import Condition, Query, Sort, Value
 
 AFTER = "~"
 """Follows every character of a time: what begins with one lies between it and it with this."""
@@ -22,11 +22,11 @@ class Clause:
     values: tuple[Any, ...] = ()
 
 
-Facts = Mapping[int, Mapping[str, str]]
+SharedColumns = Mapping[int, Mapping[str, str]]
 """By store's number: the columns that all its rows share."""
 
 
-def order(query: Query, facts: Facts) -> Clause:
+def order(query: Query, facts: SharedColumns) -> Clause:
     """Return a query's order; rows that are alike go by store and row, in the last one's way."""
     terms: list[str] = []
     values: list[Any] = []
@@ -40,7 +40,7 @@ def order(query: Query, facts: Facts) -> Clause:
     return Clause(", ".join([*terms, f"id{way}"]), tuple(values))
 
 
-def _key(sort: Sort, facts: Facts) -> Clause | None:
+def _key(sort: Sort, facts: SharedColumns) -> Clause | None:
     """Return what rows are ordered by; None where it is the same for all."""
     if sort.column not in OF_STORES:
         return Clause(quoted(sort.column))
@@ -53,7 +53,7 @@ def _key(sort: Sort, facts: Facts) -> Clause | None:
     return Clause(f'CASE "store" {cases} END', tuple(value for pair in pairs for value in pair))
 
 
-def condition_clause(condition: Condition, facts: Facts) -> Clause:
+def condition_clause(condition: Condition, facts: SharedColumns) -> Clause:
     """Return what a condition says; ``1`` where it holds for all rows, ``0`` where for none."""
     column = BY_NAME[condition.column]
     if condition.column in OF_STORES:
@@ -117,7 +117,7 @@ def _places(values: Sequence[Value]) -> str:
     return ", ".join("?" * len(values))
 
 
-def _of_stores(condition: Condition, facts: Facts) -> Clause:
+def _of_stores(condition: Condition, facts: SharedColumns) -> Clause:
     """Return the clause of a column that all rows of a store share: it is decided here."""
     chosen = [n for n, columns in facts.items() if _holds(condition, columns[condition.column])]
     if len(chosen) == len(facts):

@@ -6,10 +6,10 @@ import json
 import sqlite3
 from pathlib import Path
 
-from grasp_factory.annotations import AnnotationLog
-from grasp_factory.index.building import add_blocks, add_store, annotate, remove_rows
-from grasp_factory.index.database import row_id
-from grasp_factory.index.source import Source, state_of
+from grasp_factory.dataset.annotations import AnnotationLog
+from grasp_factory.dataset.index.building import add_blocks, add_store, annotate, remove_rows
+from grasp_factory.dataset.index.database import row_id
+from grasp_factory.dataset.index.indexed_store import IndexSource, state_of
 
 
 def stale_stores(connection: sqlite3.Connection) -> list[tuple[int, Path]]:
@@ -37,7 +37,7 @@ def has_changed(connection: sqlite3.Connection, number: int, path: Path) -> bool
     (root, said) = connection.execute(
         "SELECT root, annotations FROM stores WHERE id = ?", (number,)
     ).fetchone()
-    source = Source(path)
+    source = IndexSource(path)
     if source.root != root or json.dumps(AnnotationLog(path).state()) != said:
         return True
     return source.blocks() != _known_blocks(connection, number)
@@ -55,14 +55,14 @@ def update_store(
     changed: set[int] = set()
     (before,) = connection.execute("SELECT state FROM stores WHERE id = ?", (number,)).fetchone()
     if state is None or state != before:
-        source = Source(path)
+        source = IndexSource(path)
         changed = _update_blocks(connection, number, source)
         add_store(connection, number, source, state)
     changed.update(annotate(connection, number, log))
     return len(changed)
 
 
-def _update_blocks(connection: sqlite3.Connection, number: int, source: Source) -> set[int]:
+def _update_blocks(connection: sqlite3.Connection, number: int, source: IndexSource) -> set[int]:
     """Read the blocks that changed; return the ids of rows that are new, other ones or gone."""
     now, changed = source.blocks(), set[int]()
     (root,) = connection.execute("SELECT root FROM stores WHERE id = ?", (number,)).fetchone()

@@ -7,8 +7,8 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.schema import MAX_CONTACTS
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.schema import MAX_CONTACTS
 
 DIM, BRIGHT = 0.9, 1.3
 """Ambient and diffuse light together, below and from which it is dim and bright; the default, of

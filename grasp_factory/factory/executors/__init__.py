@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from grasp_factory.executors.base import Executor, InlineExecutor, Recover, Report, Silence, Task
-from grasp_factory.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
+from grasp_factory.factory.executors.base import (
+    Executor,
+    InlineExecutor,
+    Recover,
+    SendMessage,
+    Silence,
+    Task,
+)
+from grasp_factory.factory.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
 
 __all__ = [
     "JOBS_PER_PROCESS",
@@ -11,7 +18,7 @@ __all__ = [
     "InlineExecutor",
     "ProcessExecutor",
     "Recover",
-    "Report",
+    "SendMessage",
     "Silence",
     "Task",
     "make_executor",

@@ -11,8 +11,8 @@ from grasp_factory.errors import WorkerError
 
 J = TypeVar("J")
 R = TypeVar("R")
-Report = Callable[[Any], None]
-Task = Callable[[J, Report], R]
+SendMessage = Callable[[Any], None]
+Task = Callable[[J, SendMessage], R]
 """``task(job, report)`` does a job; it may call ``report(message)`` while it does."""
 Recover = Callable[[J, str], J]
 """``recover(job, why)`` returns what to do in place of a job whose worker is lost, or raises."""
@@ -47,7 +47,7 @@ class Executor(ABC):
         self,
         task: Task[J, R],
         jobs: Sequence[J],
-        report: Report,
+        report: SendMessage,
         recover: Recover[J] = give_up,
         silence: Silence = forever,
     ) -> list[R]:
@@ -76,7 +76,7 @@ class InlineExecutor(Executor):
         self,
         task: Task[J, R],
         jobs: Sequence[J],
-        report: Report,
+        report: SendMessage,
         recover: Recover[J] = give_up,
         silence: Silence = forever,
     ) -> list[R]:

@@ -23,18 +23,18 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from grasp_factory.errors import WorkerError
-from grasp_factory.executors.base import (
+from grasp_factory.factory.executors.base import (
     Executor,
     J,
     R,
     Recover,
-    Report,
+    SendMessage,
     Silence,
     Task,
     forever,
     give_up,
 )
-from grasp_factory.executors.serving import serve
+from grasp_factory.factory.executors.serving import serve
 
 JOBS_PER_PROCESS = 32
 """A worker is replaced after so many jobs: PyBullet's memory grows slowly over resets."""
@@ -67,7 +67,7 @@ class ProcessExecutor(Executor):
         self,
         task: Task[J, R],
         jobs: Sequence[J],
-        report: Report,
+        report: SendMessage,
         recover: Recover[J] = give_up,
         silence: Silence = forever,
     ) -> list[R]:

@@ -14,7 +14,7 @@ import traceback
 from multiprocessing import connection
 from typing import Any
 
-from grasp_factory.executors.base import Task
+from grasp_factory.factory.executors.base import Task
 
 _PR_SET_PDEATHSIG = 1
 

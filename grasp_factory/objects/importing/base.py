@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from grasp_factory.core.geometry import Vector3
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.objects.base import Vector3
 
 MESH_SUFFIXES = ("obj", "stl", "ply")
 SUFFIXES = (*MESH_SUFFIXES, "urdf")

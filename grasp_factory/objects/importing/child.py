@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import grasp_factory
-from grasp_factory.cache import digest
+from grasp_factory.core.cache import digest
+from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import UsageError
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.job import Converted, Job, decode, encode, message_length
-from grasp_factory.records import from_plain, to_plain
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.job import Converted, Job, decode, encode, message_length
 
 TIME_LIMIT_S = 1200.0
 """For one object, in case that it sleeps; the child limits its own computing time."""
@@ -120,7 +120,12 @@ def _start() -> subprocess.Popen[bytes]:
         "PYTHONPATH": os.pathsep.join([here, *filter(None, sys.path)]),
     }
     process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "grasp_factory.meshes.worker"],  # -P: not from this directory
+        [
+            sys.executable,
+            "-P",
+            "-m",
+            "grasp_factory.objects.importing.worker",
+        ],  # -P: not from this directory
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

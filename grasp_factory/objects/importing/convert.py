@@ -10,18 +10,18 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
-from grasp_factory.cache import digest
-from grasp_factory.geometry import Array, Pose, transform
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.hulls import MAX_HULLS, convex_parts, hull_of
-from grasp_factory.meshes.job import Converted, Job
-from grasp_factory.meshes.obj_text import collision_text, visual_text
-from grasp_factory.meshes.reading import Surface, read_mesh
-from grasp_factory.meshes.seen import as_it_collides, visual_of
-from grasp_factory.meshes.shapes import part_of, placed, solid_of, tessellated
-from grasp_factory.meshes.units import check_size, sides
-from grasp_factory.objects.base import PRIMITIVES, Part, Vector3
+from grasp_factory.core.cache import digest
+from grasp_factory.core.geometry import Array, Pose, Vector3, transform
+from grasp_factory.objects.base import PRIMITIVES, Part
 from grasp_factory.objects.folder import MAX_PRIMITIVES, MAX_REACH, Geometry
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.hulls import MAX_HULLS, convex_parts, hull_of
+from grasp_factory.objects.importing.job import Converted, Job
+from grasp_factory.objects.importing.mesh_reader import MeshSurface, read_mesh
+from grasp_factory.objects.importing.obj_text import collision_text, visual_text
+from grasp_factory.objects.importing.seen import as_it_collides, visual_of
+from grasp_factory.objects.importing.shapes import part_of, placed, solid_of, tessellated
+from grasp_factory.objects.importing.units import check_size, sides
 from grasp_factory.objects.solids import Moments, bounds, moments, polyhedron, principal_axes
 
 DIGITS = 9
@@ -40,7 +40,7 @@ def convert(job: Job, blobs: Sequence[bytes]) -> tuple[Converted, dict[str, byte
         raise UnusableError(f"it has more than {MAX_HULLS} meshes that collide")
 
     @cache
-    def read(kind: str, blob: int) -> Surface:
+    def read(kind: str, blob: int) -> MeshSurface:
         return read_mesh(kind, blobs[blob])
 
     warnings: list[str] = []

@@ -10,10 +10,16 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from grasp_factory.geometry import Array
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.joining import joined
-from grasp_factory.meshes.tidy import MAX_BODIES, bends, closed_bodies, labels_of, without_dust
+from grasp_factory.core.geometry import Array
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.joining import joined
+from grasp_factory.objects.importing.tidy import (
+    MAX_BODIES,
+    bends,
+    closed_bodies,
+    labels_of,
+    without_dust,
+)
 
 MAX_HULLS = 64
 """Of an object: contacts cost time in proportion."""

@@ -8,27 +8,38 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from grasp_factory.cache import cache_dir, digest, read, read_checked, write
+from grasp_factory.core.cache import cache_dir, digest, read, read_checked, write
+from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import ConfigError, UsageError, shown
-from grasp_factory.meshes.base import FolderReport, ImportedObject, Refusal, UnusableError
-from grasp_factory.meshes.child import Child, CrashError
-from grasp_factory.meshes.job import Converted
-from grasp_factory.meshes.listing import SETTINGS_FILE, keys, list_files, read_inside, suffix
-from grasp_factory.meshes.physical import finished
-from grasp_factory.meshes.report import printable
-from grasp_factory.meshes.settings import FolderSettings, Settings, parse_settings
-from grasp_factory.meshes.source import Source, load_source, referenced
-from grasp_factory.meshes.units import check_grip, grip_warnings
 from grasp_factory.objects.folder import FolderObject, Manifest, load_folder
 from grasp_factory.objects.folder_cache import manifest_path, mesh_path
-from grasp_factory.records import from_plain, to_plain
+from grasp_factory.objects.importing.base import (
+    FolderReport,
+    ImportedObject,
+    Refusal,
+    UnusableError,
+)
+from grasp_factory.objects.importing.child import Child, CrashError
+from grasp_factory.objects.importing.folder_listing import (
+    SETTINGS_FILE,
+    keys,
+    list_files,
+    read_inside,
+    suffix,
+)
+from grasp_factory.objects.importing.job import Converted
+from grasp_factory.objects.importing.object_source import ObjectSource, load_source, referenced
+from grasp_factory.objects.importing.physical import finished
+from grasp_factory.objects.importing.report import printable
+from grasp_factory.objects.importing.settings import FolderSettings, Settings, parse_settings
+from grasp_factory.objects.importing.units import check_grip, grip_warnings
 
-Progress = Callable[[int, int, str], None]
+ImportProgress = Callable[[int, int, str], None]
 """``progress(done, total, file)`` is called before each file, and at the end with no file."""
 
 
 def import_folder(
-    path: Path, name: str, widest: float, progress: Progress | None = None
+    path: Path, name: str, widest: float, progress: ImportProgress | None = None
 ) -> FolderReport:
     """Import every object of a folder into this machine's cache.
 
@@ -141,7 +152,7 @@ def _settings(root: Path, files: Sequence[str]) -> FolderSettings:
     return settings
 
 
-def _converted(source: Source, child: Child, where: Path) -> Converted:
+def _converted(source: ObjectSource, child: Child, where: Path) -> Converted:
     """Return the conversion that the cache has, or do it and put it there.
 
     Raises:

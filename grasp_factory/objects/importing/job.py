@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-from grasp_factory.cache import digest
-from grasp_factory.objects.base import Vector3
-from grasp_factory.objects.folder import Geometry, Quaternion
-from grasp_factory.records import to_plain
+from grasp_factory.core.cache import digest
+from grasp_factory.core.geometry import QuatXyzw, Vector3
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.objects.folder import Geometry
 
 IMPORTER = 2
 """Version of the conversion; with another one, whatever is in the cache is made again."""
@@ -30,7 +30,7 @@ class Shape:
     size: Vector3
     """Sides of a primitive, metres; of a mesh, the scale of its axes."""
     position: Vector3 = (0.0, 0.0, 0.0)
-    quat_xyzw: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    quat_xyzw: QuatXyzw = (0.0, 0.0, 0.0, 1.0)
     blob: int = -1
     """Which of the job's files the mesh is."""
 

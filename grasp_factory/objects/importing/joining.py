@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from grasp_factory.geometry import Array
-from grasp_factory.meshes.base import UnusableError
+from grasp_factory.core.geometry import Array
+from grasp_factory.objects.importing.base import UnusableError
 
 MAX_GROUPS = 1000
 """The work grows with the third power."""

@@ -12,10 +12,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from grasp_factory.core.geometry import Array, Vector3
 from grasp_factory.errors import shown
-from grasp_factory.geometry import Array
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.objects.base import Vector3
+from grasp_factory.objects.importing.base import UnusableError
 
 MAX_FACES = 2_000_000
 MIN_FACES = 4
@@ -33,7 +32,7 @@ NO_MESH = {
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class MeshSurface:
     """Triangles as a file has them, checked: finite numbers and indices of vertices."""
 
     vertices: Array
@@ -44,7 +43,7 @@ class Surface:
     """Mean of the file's own colours, RGB in 0 to 1."""
 
 
-def read_mesh(kind: str, data: bytes) -> Surface:
+def read_mesh(kind: str, data: bytes) -> MeshSurface:
     """Return the triangles of a mesh file's content.
 
     Raises:
@@ -67,7 +66,7 @@ def read_mesh(kind: str, data: bytes) -> Surface:
     vertices = vertices[used]
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > 1e12:
         raise UnusableError("it has a vertex that is not a number, or infinite")
-    return Surface(vertices, faces.reshape(-1, 3), color)
+    return MeshSurface(vertices, faces.reshape(-1, 3), color)
 
 
 def _check_kind(kind: str, data: bytes) -> None:

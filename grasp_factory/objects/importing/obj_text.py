@@ -9,7 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from grasp_factory.geometry import Array
+from grasp_factory.core.geometry import Array
 
 CREASE = np.radians(30.0)
 """Edges sharper than this are seen as edges."""

@@ -9,18 +9,18 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from grasp_factory.cache import digest
+from grasp_factory.core.cache import digest
 from grasp_factory.errors import shown
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.job import Job, Shape
-from grasp_factory.meshes.listing import MAX_BYTES, read_inside, suffix
-from grasp_factory.meshes.references import mesh_file, named_meshes
-from grasp_factory.meshes.settings import Settings
-from grasp_factory.meshes.urdf import Urdf, parse_urdf
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.folder_listing import MAX_BYTES, read_inside, suffix
+from grasp_factory.objects.importing.job import Job, Shape
+from grasp_factory.objects.importing.references import mesh_file, named_meshes
+from grasp_factory.objects.importing.settings import Settings
+from grasp_factory.objects.importing.urdf import Urdf, parse_urdf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
+class ObjectSource:
     """Everything that is read of an object before it is converted."""
 
     job: Job
@@ -37,7 +37,7 @@ class Source:
     warnings: tuple[str, ...] = ()
 
 
-def load_source(root: Path, file: str, own: Settings, defaults: Settings) -> Source:
+def load_source(root: Path, file: str, own: Settings, defaults: Settings) -> ObjectSource:
     """Read an object's file, and the meshes that it refers to.
 
     Raises:
@@ -51,7 +51,7 @@ def load_source(root: Path, file: str, own: Settings, defaults: Settings) -> Sou
     size = (scale or 1.0,) * 3
     shape = Shape(kind=suffix(file), size=size, blob=0)
     job = Job(collision=(shape,), guess_units=scale is None)
-    return Source(job=job, blobs=(data,), sha256=digest(data), family=family)
+    return ObjectSource(job=job, blobs=(data,), sha256=digest(data), family=family)
 
 
 def referenced(root: Path, file: str) -> set[str]:
@@ -67,7 +67,7 @@ def referenced(root: Path, file: str) -> set[str]:
     return found
 
 
-def _of_urdf(root: Path, file: str, data: bytes, scale: float, family: str) -> Source:
+def _of_urdf(root: Path, file: str, data: bytes, scale: float, family: str) -> ObjectSource:
     urdf = parse_urdf(data)
     meshes = _Meshes(root, file, urdf.files)
     warnings = urdf.warnings
@@ -84,7 +84,7 @@ def _of_urdf(root: Path, file: str, data: bytes, scale: float, family: str) -> S
     )
     hashes = sorted({digest(blob) for blob in needed})
     sha256 = hashes[0] if len(hashes) == 1 else digest("".join(hashes).encode() or data)
-    return Source(
+    return ObjectSource(
         job=job,
         blobs=tuple(meshes.blobs.values()),
         sha256=sha256,

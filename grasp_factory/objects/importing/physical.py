@@ -7,14 +7,13 @@ import json
 
 import numpy as np
 
-from grasp_factory.cache import digest
-from grasp_factory.geometry import Pose, transform
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.job import Converted
-from grasp_factory.meshes.settings import DENSITY, FRICTION, MASS_RANGE, Settings
-from grasp_factory.meshes.source import Source
-from grasp_factory.objects.base import Vector3
+from grasp_factory.core.cache import digest
+from grasp_factory.core.geometry import Pose, Vector3, transform
 from grasp_factory.objects.folder import FolderObject, Geometry
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.job import Converted
+from grasp_factory.objects.importing.object_source import ObjectSource
+from grasp_factory.objects.importing.settings import DENSITY, FRICTION, MASS_RANGE, Settings
 from grasp_factory.objects.solids import principal_axes
 
 MASSES = (0.001, 5.0)
@@ -25,7 +24,7 @@ SHAPE_STEP = 0.00503
 
 
 def finished(
-    source: Source, found: Converted, own: Settings, defaults: Settings
+    source: ObjectSource, found: Converted, own: Settings, defaults: Settings
 ) -> tuple[FolderObject, tuple[str, ...]]:
     """Return an object with its physical properties, and all warnings about it.
 
@@ -49,7 +48,7 @@ def finished(
 
 
 def _mass(
-    source: Source, volume: float, own: Settings, defaults: Settings, warnings: list[str]
+    source: ObjectSource, volume: float, own: Settings, defaults: Settings, warnings: list[str]
 ) -> float:
     said = source.urdf.mass if source.urdf else None
     if said is not None and not MASSES[0] <= said <= MASSES[1]:
@@ -73,7 +72,9 @@ def _mass(
     return min(max(DENSITY * volume, MASS_RANGE[0]), MASS_RANGE[1])
 
 
-def _friction(source: Source, own: Settings, defaults: Settings, warnings: list[str]) -> float:
+def _friction(
+    source: ObjectSource, own: Settings, defaults: Settings, warnings: list[str]
+) -> float:
     said = source.urdf.friction if source.urdf else None
     if said is not None and not FRICTIONS[0] <= said <= FRICTIONS[1]:
         warnings.append(f"the URDF's friction, {said:.4g}, is left aside")
@@ -82,7 +83,7 @@ def _friction(source: Source, own: Settings, defaults: Settings, warnings: list[
     return next((friction for friction in known if friction is not None), FRICTION)
 
 
-def _geometry(source: Source, geometry: Geometry, warnings: list[str]) -> Geometry:
+def _geometry(source: ObjectSource, geometry: Geometry, warnings: list[str]) -> Geometry:
     """Return the geometry with the URDF's own inertia, where that can be one of such a solid."""
     urdf = source.urdf
     if urdf is None or urdf.inertial is None or urdf.mass is None:

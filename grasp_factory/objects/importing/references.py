@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from grasp_factory.errors import shown
-from grasp_factory.meshes.base import MESH_SUFFIXES, UnusableError
-from grasp_factory.meshes.listing import suffix
+from grasp_factory.objects.importing.base import MESH_SUFFIXES, UnusableError
+from grasp_factory.objects.importing.folder_listing import suffix
 
 MAX_TEXT = 4 * 2**20
 """Bytes."""

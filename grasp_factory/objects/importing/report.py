@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grasp_factory.meshes.base import FolderReport, ImportedObject
+from grasp_factory.objects.importing.base import FolderReport, ImportedObject
 
 HEADER = ("object", "size, mm", "mass, g", "parts", "split")
 

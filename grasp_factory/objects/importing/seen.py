@@ -7,19 +7,23 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import trimesh
 
-from grasp_factory.geometry import Array
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.job import Job
-from grasp_factory.meshes.reading import Surface
-from grasp_factory.meshes.shapes import part_of, placed, tessellated
-from grasp_factory.objects.base import PRIMITIVES, Part, Vector3
+from grasp_factory.core.geometry import Array, Vector3
+from grasp_factory.objects.base import PRIMITIVES, Part
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.job import Job
+from grasp_factory.objects.importing.mesh_reader import MeshSurface
+from grasp_factory.objects.importing.shapes import part_of, placed, tessellated
 
 MAX_MISFIT = 0.5
 """Of the largest side of what collides: how far a visual may reach beyond that."""
 
 
 def visual_of(
-    job: Job, read: Callable[[str, int], Surface], lower: Array, upper: Array, warnings: list[str]
+    job: Job,
+    read: Callable[[str, int], MeshSurface],
+    lower: Array,
+    upper: Array,
+    warnings: list[str],
 ) -> tuple[trimesh.Trimesh | None, Vector3 | None]:
     """Return the visual shapes as a mesh, and its own colour; None where there are none to use.
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from grasp_factory.core.config.yaml_loader import parse_yaml
+from grasp_factory.core.serialization import check, check_range, from_plain
 from grasp_factory.errors import ConfigError, nearest, shown
-from grasp_factory.records import check, check_range, from_plain
-from grasp_factory.yamltext import parse_yaml
 
 DENSITY = 500.0
 """kg/m3, of what nothing is said about: household objects are part air. Softwood has as much."""

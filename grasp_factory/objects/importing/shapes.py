@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from grasp_factory.geometry import Pose, apply
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.job import Shape
-from grasp_factory.meshes.reading import Surface
-from grasp_factory.meshes.tidy import tidied
-from grasp_factory.meshes.units import guess_scale
+from grasp_factory.core.geometry import Pose, apply
 from grasp_factory.objects.base import Part
-from grasp_factory.objects.folder import Solid
+from grasp_factory.objects.folder import ConvexPart
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.job import Shape
+from grasp_factory.objects.importing.mesh_reader import MeshSurface
+from grasp_factory.objects.importing.tidy import tidied
+from grasp_factory.objects.importing.units import guess_scale
 
 
-def placed(surface: Surface, shape: Shape, guess: bool, warnings: list[str]) -> trimesh.Trimesh:
+def placed(surface: MeshSurface, shape: Shape, guess: bool, warnings: list[str]) -> trimesh.Trimesh:
     """Return a file's triangles, tidied, in the object's frame, metres."""
     vertices, faces = surface.vertices, surface.faces
     if guess:
@@ -41,9 +41,9 @@ def part_of(shape: Shape) -> Part:
     return Part(shape=shape.kind, size=shape.size, pose=_pose(shape))
 
 
-def solid_of(shape: Shape) -> Solid:
+def solid_of(shape: Shape) -> ConvexPart:
     """Return a primitive as the manifest keeps it."""
-    return Solid(
+    return ConvexPart(
         shape=shape.kind, size=shape.size, position=shape.position, quat_xyzw=shape.quat_xyzw
     )
 

@@ -7,8 +7,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array
-from grasp_factory.meshes.base import UnusableError
+from grasp_factory.core.geometry import Array
+from grasp_factory.objects.importing.base import UnusableError
 
 MAX_FACES = 8_000
 """Of what is seen and decomposed: on an object of 100 mm the edges have about 2 mm."""

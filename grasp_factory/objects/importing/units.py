@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from grasp_factory.geometry import Array
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.objects.base import Vector3
+from grasp_factory.core.geometry import Array, Vector3
+from grasp_factory.objects.importing.base import UnusableError
 
 METRES = (0.01, 1.0)
 """Largest side of the bounding box, in the mesh's own units, that is taken as metres."""

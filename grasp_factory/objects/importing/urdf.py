@@ -9,14 +9,13 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from grasp_factory.elementary import LARGEST_ANGLE
+from grasp_factory.core.elementary import LARGEST_ANGLE
+from grasp_factory.core.geometry import Array, Pose, Vector3, apply, rotation_of_rpy, transform
 from grasp_factory.errors import shown
-from grasp_factory.geometry import Array, Pose, apply, rotation_of_rpy, transform
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.job import Shape
-from grasp_factory.meshes.listing import suffix
-from grasp_factory.meshes.references import parse_xml
-from grasp_factory.objects.base import Vector3
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.folder_listing import suffix
+from grasp_factory.objects.importing.job import Shape
+from grasp_factory.objects.importing.references import parse_xml
 
 MAX_ELEMENTS = 256
 """Links, joints, and shapes of a link, each."""

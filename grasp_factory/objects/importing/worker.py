@@ -1,4 +1,4 @@
-"""The child process that converts objects: ``python -m grasp_factory.meshes.worker``.
+"""The child process that converts objects: ``python -m grasp_factory.objects.importing.worker``.
 
 Meshes are data of anybody's making, and their decomposition is native code. Here a crash ends
 this process and nothing else, and its memory has a limit.
@@ -13,10 +13,10 @@ import signal
 import sys
 import warnings
 
+from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.meshes.base import UnusableError
-from grasp_factory.meshes.job import Job, decode, encode, receive
-from grasp_factory.records import from_plain, to_plain
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.job import Job, decode, encode, receive
 
 MAX_MEMORY = 6 * 2**30
 """Bytes of address space; an ordinary object takes less than one."""
@@ -56,7 +56,7 @@ def _limit_cpu() -> None:
 
 def _answer(message: bytes) -> bytes:
     try:
-        from grasp_factory.meshes.convert import convert  # noqa: PLC0415
+        from grasp_factory.objects.importing.convert import convert  # noqa: PLC0415
     except ImportError as error:
         return encode({MISSING: error.name or str(error)})
     plain, blobs = decode(message)

@@ -7,26 +7,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from grasp_factory.elementary import sincos
-from grasp_factory.geometry import Pose
-from grasp_factory.objects.base import Part, Vector3
+from grasp_factory.core.elementary import sincos
+from grasp_factory.core.geometry import Pose, QuatXyzw, Vector3
+from grasp_factory.objects.base import Part
 from grasp_factory.objects.unit_meshes import WEDGES, mesh_file
 
 Parts = tuple[Part, ...]
-Turn = tuple[float, float, float, float]
-"""A quaternion xyzw."""
-
 ORIGIN: Vector3 = (0.0, 0.0, 0.0)
-UPRIGHT: Turn = (0.0, 0.0, 0.0, 1.0)
-ALONG_X: Turn = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
+UPRIGHT: QuatXyzw = (0.0, 0.0, 0.0, 1.0)
+ALONG_X: QuatXyzw = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 """The part's z becomes x."""
-ALONG_Y: Turn = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+ALONG_Y: QuatXyzw = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """The part's z becomes y."""
-ON_EDGE: Turn = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+ON_EDGE: QuatXyzw = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """The part's y becomes z, and x stays."""
 _SINE, _COSINE = (float(v) for v in sincos(math.pi / WEDGES))
 _HALF_SINE, _HALF_COSINE = (float(v) for v in sincos(math.pi / 2 / WEDGES))
-FLAT_TO_X: Turn = (0.0, 0.0, _HALF_SINE, _HALF_COSINE)
+FLAT_TO_X: QuatXyzw = (0.0, 0.0, _HALF_SINE, _HALF_COSINE)
 """One of the flat sides of a ring looks along x, so that a handle lies close."""
 FLAT_AT = _COSINE
 """How far out that side is, in outer radii."""
@@ -49,11 +46,13 @@ def box(size: Vector3, at: Vector3 = ORIGIN) -> Part:
     return Part(shape="box", size=size, pose=Pose(at, UPRIGHT))
 
 
-def cylinder(diameter: float, length: float, at: Vector3 = ORIGIN, turn: Turn = UPRIGHT) -> Part:
+def cylinder(
+    diameter: float, length: float, at: Vector3 = ORIGIN, turn: QuatXyzw = UPRIGHT
+) -> Part:
     """Return a cylinder, along z unless it is turned."""
     return Part(shape="cylinder", size=(diameter, diameter, length), pose=Pose(at, turn))
 
 
-def mesh(name: str, size: Vector3, at: Vector3 = ORIGIN, turn: Turn = UPRIGHT) -> Part:
+def mesh(name: str, size: Vector3, at: Vector3 = ORIGIN, turn: QuatXyzw = UPRIGHT) -> Part:
     """Return a unit mesh with the sides of its bounding box, before it is turned."""
     return Part(shape=mesh_file(name), size=size, pose=Pose(at, turn))

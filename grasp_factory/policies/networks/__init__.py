@@ -6,7 +6,7 @@ looks at other inputs is one row of ``KINDS``. Importing this package does not i
 
 from __future__ import annotations
 
-from grasp_factory.networks.inputs import (
+from grasp_factory.policies.networks.inputs import (
     KINDS,
     TOUCH,
     WIDTH,
@@ -19,8 +19,8 @@ from grasp_factory.networks.inputs import (
     touch_of,
     width_of,
 )
-from grasp_factory.networks.loading import load_model, require, save_model
-from grasp_factory.networks.model import GraspModel
+from grasp_factory.policies.networks.loading import load_model, save_model
+from grasp_factory.policies.networks.model import GraspModel
 
 __all__ = [
     "KINDS",
@@ -33,7 +33,6 @@ __all__ = [
     "image_of",
     "load_model",
     "mirrored",
-    "require",
     "save_model",
     "take",
     "touch_of",

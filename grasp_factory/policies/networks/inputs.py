@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.crops import CropShape, GraspCrop, GraspRelief, grasp_relief
-from grasp_factory.episode import SceneView
-from grasp_factory.geometry import Array
-from grasp_factory.outcome import Label, Phase
-from grasp_factory.records import check, check_range, is_integer
+from grasp_factory.core.enums import Label, Phase
+from grasp_factory.core.episode import SceneView
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.serialization import check, check_range, is_integer
+from grasp_factory.signals.grasp_crop import CropShape, GraspCrop, GraspRelief, grasp_relief
 
 Inputs = Mapping[str, NDArray[np.float32]]
 """By name, the first axis is the grasp: ``image`` (K, 3, S, S), ``width`` (K, 1),

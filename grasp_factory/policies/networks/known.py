@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from grasp_factory.crops import CropShape
-from grasp_factory.geometry import Array
-from grasp_factory.networks.inputs import IMAGE, KINDS, WIDTH, TouchWindow
-from grasp_factory.networks.loading import require
-from grasp_factory.networks.model import CHUNK, GraspModel
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.optional import require
+from grasp_factory.policies.networks.inputs import IMAGE, KINDS, WIDTH, TouchWindow
+from grasp_factory.policies.networks.model import CHUNK, GraspModel
+from grasp_factory.signals.grasp_crop import CropShape
 
 KIND = "vision"
 SIDE = 16
@@ -28,10 +28,10 @@ def known_log_odds() -> Array:
     Raises:
         UsageError: if torch is not installed.
     """
-    require("torch", "safetensors")
+    require("torch", "safetensors", extra="train")
     import torch
 
-    from grasp_factory.networks.nets import GraspNet
+    from grasp_factory.policies.networks.nets import GraspNet
 
     rng = np.random.default_rng(20)
     network = GraspNet(KINDS[KIND], SIDE).eval()

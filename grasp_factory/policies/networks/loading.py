@@ -7,14 +7,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from importlib.util import find_spec
 from typing import Any
 
-from grasp_factory.crops import CropShape
+from grasp_factory.core.optional import require
+from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.networks.inputs import KINDS, TouchWindow
-from grasp_factory.networks.model import GraspModel
-from grasp_factory.records import from_plain, to_plain
+from grasp_factory.policies.networks.inputs import KINDS, TouchWindow
+from grasp_factory.policies.networks.model import GraspModel
+from grasp_factory.signals.grasp_crop import CropShape
 
 KEY = "grasp_factory"
 """Of the header's metadata, under which the JSON is."""
@@ -22,22 +22,9 @@ FORMAT = 1
 LONGEST_HEADER = 2**20
 
 
-def require(*modules: str) -> None:
-    """Check that optional libraries are there.
-
-    Raises:
-        UsageError: naming those that are not, and how to install them.
-    """
-    missing = [name for name in modules if find_spec(name) is None]
-    if missing:
-        raise UsageError(
-            f"this needs {', '.join(missing)}, not installed: pip install 'grasp-factory[train]'"
-        )
-
-
 def save_model(model: GraspModel) -> bytes:
     """Return the file of a model; equal models give equal bytes."""
-    require("torch", "safetensors")
+    require("torch", "safetensors", extra="train")
     from safetensors.torch import save
 
     header = {
@@ -63,12 +50,12 @@ def load_model(data: bytes, kind: str = "vision") -> GraspModel:
     Raises:
         UsageError: if it is no model, one of another kind, or torch is not installed.
     """
-    require("torch", "safetensors")
+    require("torch", "safetensors", extra="train")
     import torch
     from safetensors import SafetensorError
     from safetensors.torch import load
 
-    from grasp_factory.networks.nets import GraspNet
+    from grasp_factory.policies.networks.nets import GraspNet
 
     header = _header(data)
     found = header["kind"]

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.crops import CropShape
-from grasp_factory.elementary import exp
-from grasp_factory.geometry import Array
-from grasp_factory.networks.inputs import KINDS, Inputs, TouchWindow, mirrored, take
+from grasp_factory.core.elementary import exp
+from grasp_factory.core.geometry import Array
+from grasp_factory.policies.networks.inputs import KINDS, Inputs, TouchWindow, mirrored, take
+from grasp_factory.signals.grasp_crop import CropShape
 
 if TYPE_CHECKING:
-    from grasp_factory.networks.nets import GraspNet
+    from grasp_factory.policies.networks.nets import GraspNet
 
 CHUNK = 64
 """Grasps that go through the network together. Kernels are chosen by the shape, and with them the

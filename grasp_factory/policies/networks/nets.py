@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor, nn
 
-from grasp_factory.networks.inputs import IMAGE, TOUCH, WIDTH
+from grasp_factory.policies.networks.inputs import IMAGE, TOUCH, WIDTH
 
 IMAGE_FEATURES, TOUCH_FEATURES, HIDDEN = 64, 32, 64
 CHANNELS = (16, 32, 64)

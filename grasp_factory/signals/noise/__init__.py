@@ -5,13 +5,13 @@ One module per sensor with its model, its equation and a preset; ``NOISE`` has t
 
 from __future__ import annotations
 
-from grasp_factory.noise.depth import STEREO, STRUCTURED_LIGHT, DepthNoise
-from grasp_factory.noise.encoders import LIGHTWEIGHT, EncoderNoise
-from grasp_factory.noise.episode import EpisodeNoise, noisy
-from grasp_factory.noise.rgb import SMALL_PIXELS, RgbNoise
-from grasp_factory.noise.suite import NOISE, SensorNoise, named_noise
-from grasp_factory.noise.tactile import PIEZORESISTIVE, TactileNoise
-from grasp_factory.noise.wrench import MINI45, WrenchNoise
+from grasp_factory.signals.noise.depth import STEREO, STRUCTURED_LIGHT, DepthNoise
+from grasp_factory.signals.noise.encoders import LIGHTWEIGHT, EncoderNoise
+from grasp_factory.signals.noise.episode import EpisodeNoise, noisy
+from grasp_factory.signals.noise.rgb import SMALL_PIXELS, RgbNoise
+from grasp_factory.signals.noise.suite import NOISE, SensorNoise, named_noise
+from grasp_factory.signals.noise.tactile import PIEZORESISTIVE, TactileNoise
+from grasp_factory.signals.noise.wrench import MINI45, WrenchNoise
 
 __all__ = [
     "LIGHTWEIGHT",

@@ -13,11 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from grasp_factory.geometry import Array
-from grasp_factory.noise.figures import check_figures
-from grasp_factory.noise.occlusion import bends, incidence, shadow
-
-Image = NDArray[np.float32]
+from grasp_factory.core.geometry import Array
+from grasp_factory.signals.noise.figures import check_figures
+from grasp_factory.signals.noise.occlusion import DepthImage, bends, incidence, shadow
 
 _DEGREE = math.pi / 180.0
 _NEAREST = 1e-3
@@ -138,7 +136,7 @@ def corrupt(
     K: Array,
     far: float,
     seed: int | np.random.SeedSequence,
-) -> Image:
+) -> DepthImage:
     """Return a depth image as a triangulating camera would have measured it.
 
     A pixel beside a depth edge looks a little aside. Then axial noise is added and the disparity
@@ -190,7 +188,7 @@ def corrupt(
     return np.where(lost, np.float32(0.0), measured)
 
 
-def _measure(noise: DepthNoise, z: Image, theta: Image, normal: Image) -> Image:
+def _measure(noise: DepthNoise, z: DepthImage, theta: DepthImage, normal: DepthImage) -> DepthImage:
     """Return depths (H, W) with axial noise, unit normal before, and in counts of disparity."""
     white = noise.sigma(z, theta) ** 2 - noise.count(z) ** 2 / 12.0
     measured = z + normal * np.sqrt(np.maximum(white, 0.0))
@@ -201,7 +199,7 @@ def _measure(noise: DepthNoise, z: Image, theta: Image, normal: Image) -> Image:
     return np.asarray(measured, np.float32)
 
 
-def _field(rng: np.random.Generator, shape: tuple[int, ...], smoothing: float) -> Image:
+def _field(rng: np.random.Generator, shape: tuple[int, ...], smoothing: float) -> DepthImage:
     """Return unit normal noise (H, W), smoothed by a Gaussian of so many pixels."""
     r = math.ceil(3.0 * smoothing)
     height, width = shape

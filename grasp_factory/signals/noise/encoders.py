@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array
-from grasp_factory.noise.figures import check_figures, digitise
+from grasp_factory.signals.noise.figures import check_figures, digitise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.episode import CameraFrames, Episode
+from grasp_factory.core.episode import CameraFrames, Episode, Streams
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.geometry import Array
-from grasp_factory.noise import depth, encoders, rgb, tactile, wrench
-from grasp_factory.noise.suite import SensorNoise, named_noise
-from grasp_factory.records import is_integer
 from grasp_factory.signals import apply_imu_noise
-
-Streams = Mapping[str, NDArray[Any]]
+from grasp_factory.signals.noise import depth, encoders, rgb, tactile, wrench
+from grasp_factory.signals.noise.suite import SensorNoise, named_noise
 
 _READS = {
     "tactile": ("tactile_wrench", "tactile_force"),

@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array
+from grasp_factory.core.geometry import Array
 
-Image = NDArray[np.float32]
+DepthImage = NDArray[np.float32]
 
 
-def bends(inverse: Image) -> Image:
+def bends(inverse: DepthImage) -> DepthImage:
     """Return the larger second difference of an image along rows and columns, (H, W).
 
     Of inverse depth it is 0 on planes, whatever their slant, and large on both sides of an edge.
@@ -25,7 +25,7 @@ def bends(inverse: Image) -> Image:
     return out
 
 
-def incidence(inverse: Image, K: Array) -> Image:
+def incidence(inverse: DepthImage, K: Array) -> DepthImage:
     """Return the angle between each pixel's surface normal and its line of sight, (H, W) rad.
 
     On a plane ``n X = 1`` inverse depth is ``n K^-1 (u, v, 1)``, so its slopes along the image are
@@ -47,7 +47,7 @@ def incidence(inverse: Image, K: Array) -> Image:
     return np.asarray(np.arccos(np.minimum(cosine, np.float32(1.0))), np.float32)
 
 
-def shadow(inverse: Image, focal_baseline: float) -> NDArray[np.bool_]:
+def shadow(inverse: DepthImage, focal_baseline: float) -> NDArray[np.bool_]:
     """Return where something nearer hides a pixel's point from a second view, (H, W).
 
     The second view is a baseline to the right and sees the point of column u at ``u - f B / z``.
@@ -64,7 +64,7 @@ def shadow(inverse: Image, focal_baseline: float) -> NDArray[np.bool_]:
     return hidden
 
 
-def _slope(image: Image, axis: int) -> Image:
+def _slope(image: DepthImage, axis: int) -> DepthImage:
     """Return the change per pixel along an axis, (H, W).
 
     Of the steps to both neighbours it is the smaller one, 0 if they differ in sign (the minmod

@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.geometry import Array
-from grasp_factory.noise.figures import check_figures
+from grasp_factory.signals.noise.figures import check_figures
 
-Image = NDArray[np.uint8]
+RgbImage = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ SMALL_PIXELS = RgbNoise(
 """Like the color camera beside a depth sensor."""
 
 
-def corrupt(noise: RgbNoise, rgb: Image, seed: int | np.random.SeedSequence) -> Image:
+def corrupt(noise: RgbNoise, rgb: RgbImage, seed: int | np.random.SeedSequence) -> RgbImage:
     """Return an image as a camera would have taken it.
 
     In this order: motion blur, shot and read noise, white balance, the eight bits of sRGB, JPEG.
@@ -135,7 +135,7 @@ def streak(length: float, angle: float) -> NDArray[np.float32]:
     return kernel.astype(np.float32)
 
 
-def _jpeg(rgb: Image, quality: int) -> Image:
+def _jpeg(rgb: RgbImage, quality: int) -> RgbImage:
     flags = [cv2.IMWRITE_JPEG_QUALITY, quality]
     _, data = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), flags)
     bgr = cv2.imdecode(data, cv2.IMREAD_COLOR)

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from grasp_factory.errors import lookup
-from grasp_factory.noise.depth import STEREO, STRUCTURED_LIGHT, DepthNoise
-from grasp_factory.noise.encoders import LIGHTWEIGHT, EncoderNoise
-from grasp_factory.noise.rgb import SMALL_PIXELS, RgbNoise
-from grasp_factory.noise.tactile import PIEZORESISTIVE, TactileNoise
-from grasp_factory.noise.wrench import MINI45, WrenchNoise
 from grasp_factory.signals import BMI088, ImuNoise
+from grasp_factory.signals.noise.depth import STEREO, STRUCTURED_LIGHT, DepthNoise
+from grasp_factory.signals.noise.encoders import LIGHTWEIGHT, EncoderNoise
+from grasp_factory.signals.noise.rgb import SMALL_PIXELS, RgbNoise
+from grasp_factory.signals.noise.tactile import PIEZORESISTIVE, TactileNoise
+from grasp_factory.signals.noise.wrench import MINI45, WrenchNoise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grasp_factory.geometry import Array
-from grasp_factory.noise.figures import check_figures, digitise
+from grasp_factory.core.geometry import Array
+from grasp_factory.signals.noise.figures import check_figures, digitise
 
 Six = tuple[float, float, float, float, float, float]
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from grasp_factory.robots import Robot
-from grasp_factory.sensors.base import Sensor, Tick
-from grasp_factory.sensors.clock import Clock
-from grasp_factory.sensors.encoders import Encoders
-from grasp_factory.sensors.hand import HandContact
-from grasp_factory.sensors.images import Render, develop, make_camera, render
-from grasp_factory.sensors.imu import WristImu
-from grasp_factory.sensors.tactile import TactilePads
-from grasp_factory.sensors.tracker import ObjectTracker, object_frame
-from grasp_factory.sensors.video import Video
-from grasp_factory.sensors.wrist import WristForceTorque
-from grasp_factory.world import World
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.sensors.base import Sensor, Tick
+from grasp_factory.simulation.sensors.clock import Clock
+from grasp_factory.simulation.sensors.encoders import Encoders
+from grasp_factory.simulation.sensors.hand import HandContact
+from grasp_factory.simulation.sensors.images import Render, develop, make_camera, render
+from grasp_factory.simulation.sensors.imu import WristImu
+from grasp_factory.simulation.sensors.tactile import TactilePads
+from grasp_factory.simulation.sensors.tracker import ObjectTracker, object_frame
+from grasp_factory.simulation.sensors.video import VideoRecorder
+from grasp_factory.simulation.sensors.wrist import WristForceTorque
+from grasp_factory.simulation.world import World
 
 LabelOf = Callable[[int, int], int]
 """(body, link) -> ``Label``."""
@@ -35,7 +35,7 @@ __all__ = [
     "Render",
     "Sensor",
     "Tick",
-    "Video",
+    "VideoRecorder",
     "WristImu",
     "develop",
     "make_camera",

@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from grasp_factory.outcome import Phase
+from grasp_factory.core.enums import Phase
 
 
 @dataclass(frozen=True, slots=True)

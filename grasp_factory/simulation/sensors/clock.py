@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.sensors.base import Sensor, Tick
+from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class Clock(Sensor):

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, quat_xyzw_to_matrix
-from grasp_factory.linear import turned
-from grasp_factory.robots import Robot
-from grasp_factory.sensors.base import Sensor, Tick
+from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix
+from grasp_factory.core.linear import turned
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class Encoders(Sensor):

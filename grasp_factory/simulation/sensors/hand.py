@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.robots import Robot
-from grasp_factory.sensors.base import Sensor, Tick
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class HandContact(Sensor):

@@ -14,14 +14,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import Camera, Intrinsics, Light, zbuffer_to_depth
-from grasp_factory.episode import CameraImage
-from grasp_factory.geometry import Array, look_at
-from grasp_factory.linear import product
-from grasp_factory.outcome import Label
-from grasp_factory.renderer import Renderer
-from grasp_factory.sections import CameraConfig
-from grasp_factory.world import World
+from grasp_factory.core.camera import Camera, Intrinsics, Light, zbuffer_to_depth
+from grasp_factory.core.config.sections import CameraConfig
+from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import CameraImage
+from grasp_factory.core.geometry import Array, look_at
+from grasp_factory.core.linear import product
+from grasp_factory.core.renderer import Renderer
+from grasp_factory.simulation.world import World
 
 S = TypeVar("S", bound=np.generic)
 _BODY_MASK = (1 << 24) - 1

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, Pose, inverse, quat_xyzw_to_matrix
-from grasp_factory.linear import product, turned, turned_back
-from grasp_factory.robots import Robot
-from grasp_factory.world import World
+from grasp_factory.core.geometry import Array, Pose, inverse, quat_xyzw_to_matrix
+from grasp_factory.core.linear import product, turned, turned_back
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.world import World
 
 
 class WristImu:

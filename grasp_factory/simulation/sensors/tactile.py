@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, pose_matrices
-from grasp_factory.linear import product, turned_back
-from grasp_factory.outcome import Label
-from grasp_factory.robots import Robot
-from grasp_factory.schema import MAX_CONTACTS
-from grasp_factory.sensors.base import Sensor, Tick
+from grasp_factory.core.enums import Label
+from grasp_factory.core.geometry import Array, pose_matrices
+from grasp_factory.core.linear import product, turned_back
+from grasp_factory.core.schema import MAX_CONTACTS
+from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class TactilePads(Sensor):

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.geometry import Array, Pose, inverse
-from grasp_factory.linear import dot, product
-from grasp_factory.sensors.base import Sensor, Tick
-from grasp_factory.world import World
+from grasp_factory.core.geometry import Array, Pose, inverse
+from grasp_factory.core.linear import dot, product
+from grasp_factory.simulation.sensors.base import Sensor, Tick
+from grasp_factory.simulation.world import World
 
 
 def object_frame(world: World, body: int) -> Pose:

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import Camera
-from grasp_factory.geometry import Array
-from grasp_factory.sensors.images import Render
+from grasp_factory.core.camera import Camera
+from grasp_factory.core.geometry import Array
+from grasp_factory.simulation.sensors.images import Render
 
 Frames = Mapping[str, tuple[Camera, Render]]
 """By camera."""
 
 
-class Video:
+class VideoRecorder:
     """Frames of every camera."""
 
     def __init__(self, look: Callable[[], Frames]) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from grasp_factory.world.client import Row, World
-from grasp_factory.world.engine import DATA
-from grasp_factory.world.sleep import put_to_sleep, wake
+from grasp_factory.simulation.world.client import EngineRow, World
+from grasp_factory.simulation.world.engine import DATA
+from grasp_factory.simulation.world.sleep import put_to_sleep, wake
 
-__all__ = ["DATA", "Row", "World", "put_to_sleep", "wake"]
+__all__ = ["DATA", "EngineRow", "World", "put_to_sleep", "wake"]

@@ -8,10 +8,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.core.geometry import IDENTITY, Pose
 from grasp_factory.errors import RecipeError
-from grasp_factory.geometry import IDENTITY, Pose
 from grasp_factory.objects import MAX_PARTS, Compound, Part, visual_parts
-from grasp_factory.world.engine import p
+from grasp_factory.simulation.world.engine import p
 
 _TYPES: Mapping[str, int] = {
     "box": p.GEOM_BOX,

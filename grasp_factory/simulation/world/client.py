@@ -13,24 +13,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import Camera, Light
+from grasp_factory.core.camera import Camera, Light
+from grasp_factory.core.config.physics import PhysicsConfig, Stepping
+from grasp_factory.core.geometry import IDENTITY, Pose
+from grasp_factory.core.renderer import Renderer
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.geometry import IDENTITY, Pose
 from grasp_factory.objects import Compound
-from grasp_factory.renderer import Renderer
-from grasp_factory.stepping import PhysicsConfig, Stepping
-from grasp_factory.world.bodies import create_compound
-from grasp_factory.world.boxes import box
-from grasp_factory.world.connection import connect, disconnect
-from grasp_factory.world.engine import muted, p
-from grasp_factory.world.loading import load_urdf
-from grasp_factory.world.names import MeshNames
-from grasp_factory.world.textures import Textures
-from grasp_factory.world.visuals import Hidden, Visuals
+from grasp_factory.simulation.world.bodies import create_compound
+from grasp_factory.simulation.world.boxes import box
+from grasp_factory.simulation.world.connection import connect, disconnect
+from grasp_factory.simulation.world.engine import muted, p
+from grasp_factory.simulation.world.loading import load_urdf
+from grasp_factory.simulation.world.names import MeshNames
+from grasp_factory.simulation.world.textures import Textures
+from grasp_factory.simulation.world.visuals import Hidden, Visuals
 
 CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so it is set at each one
 
-Row = tuple[Any, ...]
+EngineRow = tuple[Any, ...]
 
 
 class World:
@@ -233,22 +233,22 @@ class World:
 
     # -- looking --------------------------------------------------------------------------
 
-    def joint_states(self, body: int, joints: Sequence[int]) -> tuple[Row, ...]:
+    def joint_states(self, body: int, joints: Sequence[int]) -> tuple[EngineRow, ...]:
         """Return (position, velocity, reaction (6,), motor torque) for each joint."""
         return tuple(p.getJointStates(body, joints, physicsClientId=self._client))
 
-    def link_frames(self, body: int, links: Sequence[int]) -> list[Row]:
+    def link_frames(self, body: int, links: Sequence[int]) -> list[EngineRow]:
         """Return (position, quat_xyzw) of each link's URDF frame, world, up to date."""
         states = p.getLinkStates(
             body, links, computeForwardKinematics=1, physicsClientId=self._client
         )
         return [state[4:6] for state in states]
 
-    def link_motion(self, body: int, link: int) -> Row:
+    def link_motion(self, body: int, link: int) -> EngineRow:
         """Return (position, quat_xyzw) of a link's frame, (linear, angular) speed of its COM."""
         return tuple(p.getLinkState(body, link, 1, 1, physicsClientId=self._client)[4:8])
 
-    def com_frame(self, body: int) -> Row:
+    def com_frame(self, body: int) -> EngineRow:
         """Return (position, quat_xyzw) of a body's inertial frame, which is centred on its COM."""
         return tuple(p.getBasePositionAndOrientation(body, physicsClientId=self._client))
 
@@ -266,7 +266,7 @@ class World:
         """Return a link's mass in kg."""
         return float(p.getDynamicsInfo(body, link, physicsClientId=self._client)[0])
 
-    def contacts(self) -> tuple[Row, ...]:
+    def contacts(self) -> tuple[EngineRow, ...]:
         """Return PyBullet's rows for all contacts; filtered queries flip signs or drop some.
 
         In a row, [1] and [2]
@@ -287,7 +287,7 @@ class World:
         for link in (-1, *self._joint_range(body)):
             self.change_dynamics(body, link, linearDamping=0.0, angularDamping=0.0)
 
-    def _info(self, body: int, joint: int) -> Row:
+    def _info(self, body: int, joint: int) -> EngineRow:
         return tuple(p.getJointInfo(body, joint, physicsClientId=self._client))
 
     def _joint_range(self, body: int) -> range:

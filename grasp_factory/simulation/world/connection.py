@@ -12,9 +12,9 @@ from functools import cache
 from pathlib import Path
 
 import grasp_factory
+from grasp_factory.core.renderer import Renderer
 from grasp_factory.errors import GraspFactoryError, UsageError
-from grasp_factory.renderer import Renderer
-from grasp_factory.world.engine import muted, p
+from grasp_factory.simulation.world.engine import muted, p
 
 WARM_UP_FRAMES = 2
 """The colours of the first two images after the start differ from all later ones (measured)."""
@@ -23,8 +23,8 @@ PATIENCE_S = 120
 _loaded = set[int]()
 """The clients that have the plugin. It draws for the one that loaded it last, whoever asks."""
 _IN_A_CHILD = (
-    "from grasp_factory.world.engine import p\n"
-    "from grasp_factory.world.connection import load_plugin\n"
+    "from grasp_factory.simulation.world.engine import p\n"
+    "from grasp_factory.simulation.world.connection import load_plugin\n"
     "load_plugin(p.connect(p.DIRECT))\n"
 )
 

@@ -8,6 +8,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from grasp_factory.core.optional import require_pybullet
+
 _LIBC = ctypes.CDLL(None)
 
 
@@ -26,6 +28,7 @@ def muted(fd: int) -> Iterator[None]:
         os.close(saved)
 
 
+require_pybullet()
 with muted(2):  # "pybullet build time: ..."
     import pybullet as p
     import pybullet_data

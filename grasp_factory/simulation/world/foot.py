@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
-from grasp_factory.world.memory import file_in_memory
-from grasp_factory.world.urdf import with_packages
+from grasp_factory.simulation.world.memory import file_in_memory
+from grasp_factory.simulation.world.urdf import with_packages
 
 
 @cache

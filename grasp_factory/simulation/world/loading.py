@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from grasp_factory.core.geometry import Pose
 from grasp_factory.errors import RecipeError
-from grasp_factory.geometry import Pose
-from grasp_factory.world.engine import muted, p
-from grasp_factory.world.urdf import with_packages
+from grasp_factory.simulation.world.engine import muted, p
+from grasp_factory.simulation.world.urdf import with_packages
 
 
 def load_urdf(

@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+from grasp_factory.core.renderer import Renderer
 from grasp_factory.objects import Compound, visual_parts
-from grasp_factory.renderer import Renderer
 
 
 class MeshNames:

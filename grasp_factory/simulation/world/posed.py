@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NoReturn
 
+from grasp_factory.core.geometry import Pose
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.geometry import Pose
-from grasp_factory.world.client import World
-from grasp_factory.world.engine import p
+from grasp_factory.simulation.world.client import World
+from grasp_factory.simulation.world.engine import p
 
 
 class PosedWorld(World):

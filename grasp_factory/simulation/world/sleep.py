@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from grasp_factory.world.client import World
-from grasp_factory.world.engine import p
+from grasp_factory.simulation.world.client import World
+from grasp_factory.simulation.world.engine import p
 
 # Without the permission the engine wakes a body at its next step.
 _SLEEP = p.ACTIVATION_STATE_SLEEP | p.ACTIVATION_STATE_ENABLE_SLEEPING

@@ -6,9 +6,9 @@ from functools import cache
 
 import cv2
 
-from grasp_factory.textures import texture_image
-from grasp_factory.world.engine import p
-from grasp_factory.world.memory import file_in_memory
+from grasp_factory.core.textures import texture_image
+from grasp_factory.simulation.world.engine import p
+from grasp_factory.simulation.world.memory import file_in_memory
 
 NO_TEXTURE = -1
 

@@ -7,11 +7,9 @@ from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
+from grasp_factory.core.package_files import package_folders
 from grasp_factory.errors import RecipeError
-from grasp_factory.world.engine import DATA
-from grasp_factory.world.memory import file_in_memory
-
-_PACKAGES = {"pybullet_data": DATA, "grasp_factory": Path(__file__).parents[1]}
+from grasp_factory.simulation.world.memory import file_in_memory
 
 
 @cache
@@ -19,9 +17,9 @@ def with_packages(path: Path) -> str:
     """Return a file for the loader, which finds meshes by absolute path only."""
     text = path.read_text(encoding="utf-8")
     found = text
-    for package, place in _PACKAGES.items():
-        if f"package://{package}/" in text:
-            found = found.replace(f"package://{package}/", f"{_plain_name(place)}/")
+    for prefix, folder in package_folders().items():
+        if prefix in text:
+            found = found.replace(prefix, f"{_plain_name(folder)}/")
     if found == text:
         return str(path)
     return file_in_memory(path.name, _without_frames(found))

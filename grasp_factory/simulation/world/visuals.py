@@ -7,11 +7,11 @@ from collections.abc import Container, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.camera import Camera, Light
+from grasp_factory.core.camera import Camera, Light
+from grasp_factory.core.renderer import Renderer
 from grasp_factory.errors import RecipeError
-from grasp_factory.renderer import Renderer
-from grasp_factory.world.engine import p
-from grasp_factory.world.textures import Textures
+from grasp_factory.simulation.world.engine import p
+from grasp_factory.simulation.world.textures import Textures
 
 Hidden = list[tuple[int, int, Sequence[float]]]
 """Link, its shape and the shape's colour, to show a body again."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import zarr
 
-from grasp_factory.writers.header import open_array, open_store
-from grasp_factory.writers.seals import is_sealed
+from grasp_factory.writers.zarr.header import open_array, open_store
+from grasp_factory.writers.zarr.metadata_checksum import is_sealed
 
 LABEL_COLUMNS = ("outcome", "success")
 

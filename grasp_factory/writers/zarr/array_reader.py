@@ -25,8 +25,8 @@ from zarr.core.chunk_key_encodings import V2ChunkKeyEncoding
 from zarr.core.metadata import ArrayV3Metadata
 
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.chunks import Shard, open_file, unpack, unpack_words
-from grasp_factory.writers.header import first_line, open_array, read_array
+from grasp_factory.writers.zarr.chunks import ShardFile, open_file, unpack, unpack_words
+from grasp_factory.writers.zarr.header import first_line, open_array, read_array
 
 
 class StoredArray(ABC):
@@ -223,7 +223,7 @@ class ShardFiles(_OurFiles):
         self, file: int, numbers: Sequence[int], out: Sequence[NDArray[Any]] | NDArray[Any]
     ) -> None:
         try:
-            with Shard(self._name(file), self._file_rows * self._pieces) as shard:
+            with ShardFile(self._name(file), self._file_rows * self._pieces) as shard:
                 for number, piece in zip(numbers, out, strict=True):
                     if not shard.read(number, piece):
                         piece[...] = self._fill

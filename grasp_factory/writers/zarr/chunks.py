@@ -63,7 +63,7 @@ def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
     return words.reshape(shape).astype(np.dtypes.StringDType())
 
 
-class Shard:
+class ShardFile:
     """A shard file, opened for reading; its index is at the end, followed by a checksum of it."""
 
     def __init__(self, file: str | Path, chunks: int) -> None:

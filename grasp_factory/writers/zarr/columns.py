@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.header import open_store
-from grasp_factory.writers.packed import Segment, segments
-from grasp_factory.writers.stored import StoredArray, open_arrays
+from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays
+from grasp_factory.writers.zarr.column_segments import Segment, segments
+from grasp_factory.writers.zarr.header import open_store
 
 
 class Columns:

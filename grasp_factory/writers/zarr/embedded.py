@@ -8,10 +8,10 @@ import numpy as np
 import zarr
 from zarr.codecs import ZstdCodec
 
-from grasp_factory.config import FactoryConfig
-from grasp_factory.writers.header import open_array, open_store, read_array
-from grasp_factory.writers.layout import KEYS, ZSTD_LEVEL
-from grasp_factory.writers.seals import VALUES_SEAL, values_digest
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.writers.zarr.header import open_array, open_store, read_array
+from grasp_factory.writers.zarr.layout import KEYS, ZSTD_LEVEL
+from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
 
 OBJECTS, MODELS = "objects", "models"
 """Groups: of users' objects by the name of their set, of trained models by their policy's."""

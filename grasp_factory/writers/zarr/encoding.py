@@ -13,7 +13,7 @@ import numpy as np
 from numcodecs import zstd  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from grasp_factory.writers.chunks import ABSENT, VLEN
+from grasp_factory.writers.zarr.chunks import ABSENT, VLEN
 
 
 def packed_chunk(values: NDArray[Any], level: int) -> bytes:

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from grasp_factory.core.os_errors import MACHINE_TROUBLE
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.trouble import MACHINE_TROUBLE
-from grasp_factory.writers.aside import aside
+from grasp_factory.writers.zarr.atomic_store import aside
 
 _WAITING = 16
 """Files that are waited for at once; on a local disk a block's 140 take a fifth of the time."""

@@ -13,14 +13,15 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from grasp_factory import __version__, schema
-from grasp_factory.config import FactoryConfig
+from grasp_factory import __version__
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.machine import platform_facts
+from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.core.schema import FORMAT, FORMAT_VERSION, Field
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.machine import platform_facts
-from grasp_factory.platforms import FINGERPRINT
-from grasp_factory.schema import FORMAT, FORMAT_VERSION, Field
-from grasp_factory.writers.aside import AsideStore
-from grasp_factory.writers.files import locate
+from grasp_factory.writers.zarr.atomic_store import AsideStore
+from grasp_factory.writers.zarr.files import locate
 
 LICENSE = "MIT"
 _NEEDED = {"config": dict, "config_sha256": str, "versions": dict, "platform": dict}

@@ -12,11 +12,11 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from grasp_factory.core.enums import Outcome, names
 from grasp_factory.errors import UsageError
-from grasp_factory.outcome import Outcome, names
-from grasp_factory.writers.files import fsync_tree
-from grasp_factory.writers.header import open_store
-from grasp_factory.writers.seals import VALUES_SEAL, seal, values_digest
+from grasp_factory.writers.zarr.files import fsync_tree
+from grasp_factory.writers.zarr.header import open_store
+from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, seal, values_digest
 
 LONGEST_NAME = 64
 NOT_LABELLED = 255

@@ -8,8 +8,8 @@ from typing import Any
 import zarr
 from zarr.codecs import ZstdCodec
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
 
 # Plain zstd for everything; docs/scale.md has other codecs beside it. Level 3 makes an episode 1 %
 # smaller and takes half as long again. Byte-shuffle would save 10 KiB of the streams' 57, of about

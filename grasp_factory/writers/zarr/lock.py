@@ -18,8 +18,8 @@ from types import TracebackType
 from typing import Self
 
 from grasp_factory.errors import StaleLockWarning, StoreBusyError
-from grasp_factory.writers.files import locate
-from grasp_factory.writers.lockfile import LockFile
+from grasp_factory.writers.zarr.files import locate
+from grasp_factory.writers.zarr.lock_file import LockFile
 
 WAIT_S = 60.0
 """Seconds that a part of a store waits while another one creates the store."""

@@ -11,7 +11,7 @@ import stat
 from pathlib import Path
 
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.writers.files import cannot_write
+from grasp_factory.writers.zarr.files import cannot_write
 
 _OURS = re.compile(rb"(\S+ \d+\n)?")
 """What a lock file holds: host and process, or ``shards`` and their number, or nothing yet. A power

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.writers.files import write_aside
+from grasp_factory.writers.zarr.files import write_aside
 
 SEAL = "metadata_sha256"
 """The attribute that holds it."""

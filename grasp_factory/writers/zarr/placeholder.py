@@ -6,9 +6,9 @@ from pathlib import Path
 
 import zarr
 
-from grasp_factory.writers.aside import AsideStore
-from grasp_factory.writers.files import fsync
-from grasp_factory.writers.seals import seal
+from grasp_factory.writers.zarr.atomic_store import AsideStore
+from grasp_factory.writers.zarr.files import fsync
+from grasp_factory.writers.zarr.metadata_checksum import seal
 
 
 def write_placeholder(store: Path, name: str, description: str) -> None:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.aside import PARTIAL, aside
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.files import fsync
-from grasp_factory.writers.packed import BYTES, FOLDER, WORDS, coded, segments
-from grasp_factory.writers.placeholder import write_placeholder
-from grasp_factory.writers.seals import is_sealed
-from grasp_factory.writers.sizes import bytes_of_blocks
+from grasp_factory.writers.zarr.atomic_store import PARTIAL, aside
+from grasp_factory.writers.zarr.column_segments import BYTES, FOLDER, WORDS, coded, segments
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.files import fsync
+from grasp_factory.writers.zarr.metadata_checksum import is_sealed
+from grasp_factory.writers.zarr.placeholder import write_placeholder
+from grasp_factory.writers.zarr.sizes import bytes_of_blocks
 
 SEGMENT_BLOCKS = 1024
 """Blocks of a segment. Fewer than this are not packed, of which a column is read in 30 ms; a

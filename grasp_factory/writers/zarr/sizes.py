@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory import schema
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.layout import block_files
-from grasp_factory.writers.packed import BYTES, segments
+from grasp_factory.core import schema
+from grasp_factory.writers.zarr.column_segments import BYTES, segments
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.layout import block_files
 
 
 def store_bytes(columns: Columns) -> int:

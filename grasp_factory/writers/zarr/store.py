@@ -17,14 +17,14 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.config import FactoryConfig, first_difference
+from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.writers.aside import aside
-from grasp_factory.writers.carried import DESCRIPTIONS, add_carried
-from grasp_factory.writers.columns import Columns
-from grasp_factory.writers.files import cannot_write, fsync, fsync_tree, locate
-from grasp_factory.writers.header import (
+from grasp_factory.writers.zarr.atomic_store import aside
+from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, add_carried
+from grasp_factory.writers.zarr.files import cannot_write, fsync, fsync_tree, locate
+from grasp_factory.writers.zarr.header import (
     SOURCES,
     fields_of,
     open_array,
@@ -32,9 +32,9 @@ from grasp_factory.writers.header import (
     read_attributes,
     root_attributes,
 )
-from grasp_factory.writers.layout import create_array, shape
-from grasp_factory.writers.seals import seal, set_rows
-from grasp_factory.writers.zarr import COMMITTED
+from grasp_factory.writers.zarr.layout import create_array, shape
+from grasp_factory.writers.zarr.metadata_checksum import seal, set_rows
+from grasp_factory.writers.zarr.writer import COMMITTED
 
 _OTHER = "choose another --out"
 _ASIDE = ".creating"

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory import schema
-from grasp_factory.episode import Episode, checksum
+from grasp_factory.core import schema
+from grasp_factory.core.episode import Episode, checksum
+from grasp_factory.core.schema import Field
 from grasp_factory.errors import StoreError
-from grasp_factory.schema import Field
-from grasp_factory.writers.aside import aside
 from grasp_factory.writers.base import Quarantined, Writer, check_count, check_rows, texts_of
-from grasp_factory.writers.digests import digests
-from grasp_factory.writers.encoding import packed_chunk, packed_shard
-from grasp_factory.writers.files import fsync, write_aside
-from grasp_factory.writers.header import SOURCES, fields_of, open_array, open_store, read_array
-from grasp_factory.writers.layout import ZSTD_LEVEL, block_files
-from grasp_factory.writers.packed import unpack_block
+from grasp_factory.writers.zarr.atomic_store import aside
+from grasp_factory.writers.zarr.column_segments import unpack_block
+from grasp_factory.writers.zarr.digests import digests
+from grasp_factory.writers.zarr.encoding import packed_chunk, packed_shard
+from grasp_factory.writers.zarr.files import fsync, write_aside
+from grasp_factory.writers.zarr.header import SOURCES, fields_of, open_array, open_store, read_array
+from grasp_factory.writers.zarr.layout import ZSTD_LEVEL, block_files
 
 MISSING, COMMITTED, QUARANTINED = range(3)
 """Values of the column ``status``."""

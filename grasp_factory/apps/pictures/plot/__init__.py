@@ -4,13 +4,12 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
 import numpy as np
 
-from grasp_factory.dataset import Dataset
+from grasp_factory.apps.pictures.painting import BgrImage
+from grasp_factory.core.optional import require
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
-from grasp_factory.painting import Image
 
 SIZE = (1600, 1200)
 """Pixels of a picture, width and height; letters and lines are made for this."""
@@ -20,7 +19,7 @@ SMALLEST, LARGEST = 600, 8000
 
 def plot_episode(
     dataset: Dataset, index: int, camera: str | None = None, size: tuple[int, int] = SIZE
-) -> Image:
+) -> BgrImage:
     """Return the picture of an episode, BGR, with width and height ``size``.
 
     Args:
@@ -34,8 +33,7 @@ def plot_episode(
         UnknownNameError: for a camera that the store does not have.
         StoreError: for an episode that is missing or quarantined.
     """
-    if find_spec("matplotlib") is None:
-        raise UsageError("this needs matplotlib, not installed: pip install 'grasp-factory[plot]'")
+    require("matplotlib", extra="plot")
     if not all(SMALLEST <= side <= LARGEST for side in size):
         shown = f"{size[0]}x{size[1]}"
         raise UsageError(f"size {shown}: valid: sides of {SMALLEST} to {LARGEST} pixels")
@@ -43,7 +41,7 @@ def plot_episode(
         raise UsageError(f"episode {index}: {dataset.path} has episodes 0 to {len(dataset) - 1}")
     camera = next(iter(dataset.config.cameras)) if camera is None else camera
     lookup(dataset.config.cameras, "camera", camera)
-    from grasp_factory.plot.figure import Subject, figure_of, pixels_of
+    from grasp_factory.apps.pictures.plot.figure import Subject, figure_of, pixels_of
 
     subject = Subject(
         store=dataset.path.name,

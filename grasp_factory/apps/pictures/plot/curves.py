@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from grasp_factory.curves import CurveGroup, Moment, PhaseSpan, phase_spans
-from grasp_factory.episode import Episode
-from grasp_factory.geometry import Array
-from grasp_factory.plot import look
-from grasp_factory.plot.look import NORMAL, SMALL, Page
+from grasp_factory.apps.pictures.plot import look
+from grasp_factory.apps.pictures.plot.look import NORMAL, SMALL, PageLayout, Rect
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.geometry import Array
+from grasp_factory.signals.plot_series import CurveGroup, Moment, PhaseSpan, phase_spans
 
 SHOWN = (
     *("joint_positions", "gripper_width", "pad_force", "object_height", "wrist_force"),
@@ -32,11 +32,9 @@ UNITS_LEFT = 52
 LETTER = 6.6
 """Pixels of a small letter, about."""
 
-Box = tuple[float, float, float, float]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mark:
+class TimeMark:
     """A vertical line through all curves."""
 
     time: float
@@ -46,8 +44,8 @@ class Mark:
 
 
 def draw_curves(
-    page: Page,
-    box: Box,
+    page: PageLayout,
+    box: Rect,
     episode: Episode,
     groups: Iterable[CurveGroup],
     moments: Sequence[Moment],
@@ -117,11 +115,11 @@ def _draw_group(ax: Axes, group: CurveGroup, times: Array, wanted: float | None)
 
 
 def _draw_bar(
-    page: Page,
-    box: Box,
+    page: PageLayout,
+    box: Rect,
     limits: tuple[float, float],
     phases: Sequence[PhaseSpan],
-    marks: Sequence[Mark],
+    marks: Sequence[TimeMark],
 ) -> None:
     """Draw the phases as a bar with their names, and the marks' words above it."""
     left, top, width, height = box
@@ -153,15 +151,15 @@ def _draw_bar(
         )  # fmt: skip
 
 
-def _marks(episode: Episode, moments: Sequence[Moment]) -> list[Mark]:
+def _marks(episode: Episode, moments: Sequence[Moment]) -> list[TimeMark]:
     times = episode.streams["timestamp"]
     marks = [
-        Mark(time=float(times[moment.record]), word=letter, color=look.PALE, style="-")
+        TimeMark(time=float(times[moment.record]), word=letter, color=look.PALE, style="-")
         for letter, moment in zip("ABC", moments, strict=False)
     ]
     loss = float(episode.columns.get("loss_time", np.nan))
     if np.isfinite(loss):
-        marks.append(Mark(time=loss, word="lost", color=look.RED, style="--"))
+        marks.append(TimeMark(time=loss, word="lost", color=look.RED, style="--"))
     return sorted((mark for mark in marks if np.isfinite(mark.time)), key=lambda mark: mark.time)
 
 

@@ -13,14 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
-from grasp_factory.curves import curve_groups, touch_moments
-from grasp_factory.episode import Episode
-from grasp_factory.outcome import label_names
-from grasp_factory.plot import SIZE, look
-from grasp_factory.plot.curves import draw_curves
-from grasp_factory.plot.look import LARGE, SMALL, Page, printable
-from grasp_factory.plot.pictures import draw_pictures
-from grasp_factory.plot.touch import draw_touch
+from grasp_factory.apps.pictures.plot import SIZE, look
+from grasp_factory.apps.pictures.plot.curves import draw_curves
+from grasp_factory.apps.pictures.plot.look import LARGE, SMALL, PageLayout, printable
+from grasp_factory.apps.pictures.plot.pictures import draw_pictures
+from grasp_factory.apps.pictures.plot.touch import draw_touch
+from grasp_factory.core.enums import label_names
+from grasp_factory.core.episode import Episode
+from grasp_factory.signals.plot_series import curve_groups, touch_moments
 
 MARGIN, HEADING, FOOT = 24, 84, 30
 SIDE = 620
@@ -63,7 +63,7 @@ def figure_of(subject: Subject, size: tuple[int, int] = SIZE) -> Figure:
         mpl.rcParams.update({"axes.linewidth": 0.6, "text.color": look.INK})
         figure = Figure(figsize=(size[0] / dpi, size[1] / dpi), dpi=dpi, facecolor="white")
         canvas = FigureCanvasAgg(figure)
-        page = Page(figure, size[0] / scale, size[1] / scale)
+        page = PageLayout(figure, size[0] / scale, size[1] / scale)
         _draw_heading(page, subject)
         _draw_attempt(page, subject)
         _draw_foot(page, subject)
@@ -98,7 +98,7 @@ def facts(episode: Episode) -> list[str]:
     return words
 
 
-def _draw_heading(page: Page, subject: Subject) -> None:
+def _draw_heading(page: PageLayout, subject: Subject) -> None:
     episode = subject.episode
     target = episode.spec.objects[0]
     word = episode.outcome.name.lower().replace("_", " ")
@@ -125,7 +125,7 @@ def _draw_heading(page: Page, subject: Subject) -> None:
     page.text(MARGIN, 62, "   |   ".join(facts(episode)), size=10.5, room=right - MARGIN)
 
 
-def _draw_attempt(page: Page, subject: Subject) -> None:
+def _draw_attempt(page: PageLayout, subject: Subject) -> None:
     episode = subject.episode
     side = page.width - MARGIN - SIDE
     top, room = HEADING, page.height - HEADING - FOOT
@@ -151,7 +151,7 @@ def _draw_attempt(page: Page, subject: Subject) -> None:
         draw_touch(page, (side, bottom, SIDE, height), episode.streams, subject.pad_size, moments)
 
 
-def _draw_foot(page: Page, subject: Subject) -> None:
+def _draw_foot(page: PageLayout, subject: Subject) -> None:
     spec, target = subject.episode.spec, subject.episode.spec.objects[0]
     words = [
         subject.store,

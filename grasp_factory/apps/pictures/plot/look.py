@@ -14,6 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 
+Rect = tuple[float, float, float, float]
+"""Left, top, width and height."""
+
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, RED, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 LINES = (BLUE, RED, GREEN, ORANGE, PURPLE, SKY, BLACK)
@@ -38,7 +41,7 @@ SMALL, NORMAL, LARGE = 8.0, 9.0, 14.0
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
+class PageLayout:
     """A figure whose places are pixels from its upper left corner, before it is scaled."""
 
     figure: Figure

@@ -10,12 +10,12 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
-from grasp_factory import painting
-from grasp_factory.episode import CameraFrames, Episode
-from grasp_factory.geometry import Array
-from grasp_factory.outcome import Label, label_names
-from grasp_factory.plot import look
-from grasp_factory.plot.look import NORMAL, SMALL, Page
+from grasp_factory.apps.pictures import painting
+from grasp_factory.apps.pictures.plot import look
+from grasp_factory.apps.pictures.plot.look import NORMAL, SMALL, PageLayout
+from grasp_factory.core.enums import Label, label_names
+from grasp_factory.core.episode import CameraFrames, Episode
+from grasp_factory.core.geometry import Array
 
 GAP, TITLE, BAR, LEGEND = 8, 20, 34, 40
 """Between images; above them; below depth and segmentation."""
@@ -25,7 +25,7 @@ WHEN = ("before", "after")
 
 
 def draw_pictures(
-    page: Page, box: tuple[float, float, float], episode: Episode, camera: str
+    page: PageLayout, box: tuple[float, float, float], episode: Episode, camera: str
 ) -> float:
     """Draw the images of a camera in two columns into a box: left, top, width.
 
@@ -73,7 +73,7 @@ def depth_span(frames: CameraFrames, far: float) -> tuple[float, float]:
 
 
 def _draw_depth(
-    page: Page,
+    page: PageLayout,
     axes: list[Axes],
     frames: CameraFrames,
     far: float,

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
-from grasp_factory.curves import PADS, Moment, Series, pad_forces
-from grasp_factory.geometry import Array
-from grasp_factory.plot import look
-from grasp_factory.plot.look import SMALL, Page
+from grasp_factory.apps.pictures.plot import look
+from grasp_factory.apps.pictures.plot.look import SMALL, PageLayout, Rect
+from grasp_factory.core.geometry import Array
+from grasp_factory.signals.plot_series import PADS, Moment, Series, pad_forces
 from grasp_factory.signals.touch import center_of_pressure, taxel_image
 
 COLUMNS = 6
@@ -24,12 +24,10 @@ GAP, APART = 5, 16
 """Between the two pads of a moment, and between moments."""
 LEFT = 42
 
-Box = tuple[float, float, float, float]
-
 
 def draw_touch(
-    page: Page,
-    box: Box,
+    page: PageLayout,
+    box: Rect,
     streams: Series,
     pad_size: tuple[float, float],
     moments: Sequence[Moment],

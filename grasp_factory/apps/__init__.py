@@ -1,0 +1,1 @@
+"""Tools that stand on the rest, one folder each."""

@@ -1,0 +1,1 @@
+"""Pictures of episodes and scenes: sheets, tiles, previews, plots."""

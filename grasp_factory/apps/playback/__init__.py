@@ -1,0 +1,1 @@
+"""Playing back a stored attempt, and writing it as a video file."""

@@ -1,0 +1,49 @@
+"""The command that measures how far forces and labels can be trusted."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import click
+
+from grasp_factory.cli.params import AS_JSON, print_json
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.core.text_format import table
+from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE
+
+if TYPE_CHECKING:
+    from grasp_factory.apps.physics_check.figure import Figure
+
+
+@click.command("check-physics")
+@click.option("--short", is_flag=True, help="A minute instead of ten: fewer episodes.")
+@AS_JSON
+def check_physics(short: bool, as_json: bool) -> None:
+    """Measure on this machine how far forces and labels can be trusted.
+
+    Prints each figure beside its bound; exits with 1 if one is not met.
+    """
+    from grasp_factory.apps.physics_check import FULL, SHORT
+    from grasp_factory.apps.physics_check import check_physics as run
+
+    figures = list(run(SHORT if short else FULL, lambda part: click.echo(f"{part} ...", err=True)))
+    if as_json:
+        print_json([to_plain(f) | {"passes": f.passes, "bound": f.bound} for f in figures])
+    else:
+        click.echo(figures_text(figures))
+    sys.exit(EXIT_DONE if all(f.passes for f in figures) else EXIT_FAILURE)
+
+
+def figures_text(figures: Iterable[Figure]) -> str:
+    """Return measured figures as a table beside their bounds."""
+    head = ("check", "figure", "value", "bound", "samples", "")
+    rows = [
+        (f.check, f.figure, f"{f.value:.3g} {f.unit}", f.bound, f.samples,
+         "ok" if f.passes else "MISSED")
+        for f in figures
+    ]  # fmt: skip
+    return table([head, *rows], right=(2, 4))

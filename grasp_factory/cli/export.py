@@ -1,0 +1,95 @@
+"""The command that writes a dataset in the format of another tool."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from grasp_factory.cli.params import AS_JSON, print_json
+from grasp_factory.cli.row_choice import chosen_rows, row_options
+from grasp_factory.core.config.yaml_loader import parse_yaml
+from grasp_factory.core.text_format import count, size_text, table
+from grasp_factory.errors import UsageError, lookup, shown
+
+if TYPE_CHECKING:
+    from grasp_factory.writers.exporters.run import Exported
+
+
+@click.command()
+@click.argument("path", required=False, type=click.Path(path_type=Path))
+@click.argument("out", required=False, type=click.Path(path_type=Path))
+@click.option("--format", "name", metavar="NAME", help="One of those that `export` lists.")
+@row_options
+@click.option(
+    "--option",
+    "assignments",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="A setting of the format, with a YAML value; repeatable.",
+)
+@AS_JSON
+def export(
+    path: Path | None,
+    out: Path | None,
+    *,
+    name: str | None,
+    assignments: tuple[str, ...],
+    as_json: bool,
+    **rows: Any,
+) -> None:
+    """Export episodes of a store to another format.
+
+    Without arguments, list the formats. Otherwise write the episodes of the store at PATH that
+    every option names, or all of them, to OUT, which must not exist.
+    """
+    from grasp_factory.writers.exporters import EXPORTERS
+
+    if path is None:
+        _print_formats({key: row.description for key, row in EXPORTERS.items()}, as_json=as_json)
+        return
+    if out is None or name is None:
+        raise UsageError("export needs PATH, OUT and --format; `grasp-factory export` lists them")
+    exporter = lookup(EXPORTERS, "format", name)
+    from grasp_factory.cli.progress import Counter
+    from grasp_factory.dataset.dataset import Dataset
+    from grasp_factory.writers.exporters.run import run_export
+
+    dataset = Dataset.open(path, checked=True)
+    chosen = chosen_rows(dataset, **rows)
+    every = dataset.committed.tolist() if chosen is None else chosen
+    with Counter(len(every), "episode") as counter:
+        settings = _settings(assignments)
+        found = run_export(exporter, dataset, every, out, settings, on_episode=counter.count)
+    if as_json:
+        print_json(found)
+    else:
+        click.echo(_exported_text(found))
+
+
+def _settings(assignments: tuple[str, ...]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for text in assignments:
+        key, equals, value = text.partition("=")
+        if not equals or key in found:
+            raise UsageError(f"--option {shown(text)}: expected KEY=VALUE, each key once")
+        found[key] = parse_yaml(value, f"--option {key}")
+    return found
+
+
+def _print_formats(formats: dict[str, str], *, as_json: bool) -> None:
+    if as_json:
+        print_json(formats)
+    else:
+        click.echo(table(formats.items()) if formats else "This version has no export formats.")
+
+
+def _exported_text(found: Exported) -> str:
+    head = f"{found.path}: {count(found.episodes, 'episode')} as {found.format}"
+    lines = [f"{head}, {size_text(found.bytes)}"]
+    lines += [f"written: {what}" for what in found.contents.written]
+    lines += [f"left out: {what}, because {why}" for what, why in found.contents.left_out.items()]
+    return "\n".join(lines)

@@ -1,0 +1,32 @@
+"""The command that counts what a store holds."""
+
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from grasp_factory.cli.params import AS_JSON, STORE, print_json
+from grasp_factory.core.serialization import to_plain
+
+
+@click.command()
+@STORE
+@AS_JSON
+def info(path: Path, as_json: bool) -> None:
+    """Say what the store at PATH holds."""
+    from grasp_factory.cli.store_report import GROUPS, arrays_text, origin_text, store_text
+    from grasp_factory.dataset.dataset import Dataset
+    from grasp_factory.dataset.summary import array_facts, summarise
+
+    dataset = Dataset.open(path)
+    store, arrays = summarise(dataset), array_facts(dataset)
+    if as_json:
+        more = {"attributes": dict(dataset.attributes), "arrays": arrays}
+        print_json(to_plain(store) | more)
+        return
+    click.echo(store_text(store, GROUPS))
+    click.echo("\n" + arrays_text(arrays))
+    click.echo("\n" + origin_text(dataset.attributes))

@@ -1,0 +1,1 @@
+"""What a dataset is made from: a frozen, validated record and its sections."""

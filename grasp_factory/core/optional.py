@@ -1,0 +1,41 @@
+"""Libraries that may be missing: what needs them says in one line how to install them."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from grasp_factory.errors import UsageError
+
+PYBULLET_WHEELS = (
+    "it has wheels for CPython up to 3.11 on x86-64 Linux, and builds from source on newer ones"
+)
+
+
+def require(*modules: str, extra: str) -> None:
+    """Check that the libraries of an extra are installed, without importing them.
+
+    Args:
+        modules: the names that they are imported by.
+        extra: the extra of this package that installs them.
+
+    Raises:
+        UsageError: naming those that are missing, and how to install them.
+    """
+    missing = [name for name in modules if find_spec(name) is None]
+    if missing:
+        raise UsageError(
+            f"this needs {', '.join(missing)}, not installed: pip install 'grasp-factory[{extra}]'"
+        )
+
+
+def require_pybullet() -> None:
+    """Check that PyBullet is installed, without importing it.
+
+    Raises:
+        UsageError: if it is not, with what to install.
+    """
+    if find_spec("pybullet") is None:
+        raise UsageError(
+            "this simulates, or reads PyBullet's models, and needs pybullet, not installed:"
+            f" pip install 'grasp-factory[simulation]' ({PYBULLET_WHEELS})"
+        )

@@ -1,0 +1,1 @@
+"""Checking and changing stores: verify, repair, merge, split, relabel, replay."""

@@ -1,0 +1,1 @@
+"""Making stores: which blocks are missing, who makes them, what came of it."""

@@ -1,0 +1,38 @@
+"""Check of every name in a config against its table, before anything is made."""
+
+from __future__ import annotations
+
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.serialization import check
+from grasp_factory.errors import lookup
+from grasp_factory.objects import OBJECT_SETS, check_splits, find_set
+from grasp_factory.policies import POLICIES
+from grasp_factory.policies.model_registry import find_model
+from grasp_factory.robots import ROBOTS, RobotModel
+
+
+def check_names(config: FactoryConfig) -> RobotModel:
+    """Check every name in a config against its table, with its settings; return the robot.
+
+    Raises:
+        UnknownNameError: naming the kind, the nearest and all valid names.
+        ConfigError: naming a policy's setting, or what the robot cannot do.
+        UsageError: if a trained model cannot be loaded.
+    """
+    for name in {**config.policies, **config.policy_parameters}:
+        lookup(POLICIES, "policy", name).settings(config.policy_parameters.get(name, {}))
+    for sha256 in config.models.values():
+        find_model(sha256)
+    for object_set, weight in config.object_sets.items():
+        found = find_set(object_set, config.object_folders.get(object_set, ""))
+        if weight:
+            check_splits(found, config.object_splits)
+    for folder in config.object_folders:
+        ok = folder not in OBJECT_SETS and folder in config.object_sets
+        valid = "a set of object_sets that is none of those that are shipped"
+        check(ok, "object_folders", folder, valid)
+    robot = lookup(ROBOTS, "robot", config.robot)
+    (low, high), force = robot.gripper.force_range, config.motion.grip_force
+    valid = f"{low:g} to {high:g} N, which is what the gripper of {robot.name} can do"
+    check(low <= force <= high, "motion.grip_force", force, valid)
+    return robot

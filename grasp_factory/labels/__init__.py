@@ -1,0 +1,1 @@
+"""The label rule and the quality score, from recorded arrays alone."""

@@ -1,0 +1,1 @@
+"""From (config, seed, index) to the complete recipe of an episode."""

@@ -1,0 +1,1 @@
+"""The default writer: a Zarr store, one shard of each array per block."""
