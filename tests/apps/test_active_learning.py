@@ -13,10 +13,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from elsewhere import move
-from helpers import tree
 from hypothesis import given
 from hypothesis import strategies as st
+from support.elsewhere import move
+from support.helpers import tree
 
 from grasp_factory.apps.active_learning import ARMS, FlywheelSettings, learning, run_rounds
 from grasp_factory.apps.active_learning.journal import FILE, Journal

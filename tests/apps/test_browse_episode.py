@@ -7,15 +7,15 @@ import json
 import shutil
 import urllib.request
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from browse_process import Running, browsing
-from browser import DESKTOP, PHONE, Page, chromium
 from click.testing import CliRunner
-from fake_episodes import JOINTS, make_rows, small_config
+from support.browse_process import Running, browsing
+from support.browser import DESKTOP, PHONE, Page, chromium
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.places import TINY
 
 from grasp_factory.cli.main import cli
 from grasp_factory.core.enums import Outcome
@@ -25,7 +25,6 @@ from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr.header import root_attributes
 from grasp_factory.writers.zarr.store import create_store
 
-TINY = Path(__file__).parents[1] / "data_samples" / "tiny.zarr"
 REAL, ODD, FILM = 0, 1, 2
 """The stores, in the order in which they are served."""
 RANDOM, EMPTY, QUARANTINED, SCRIPTED = range(4)

@@ -13,9 +13,9 @@ from typing import Any
 from urllib.parse import parse_qs, urlencode
 
 import pytest
-from browse_process import Running, browsing
-from browser import DESKTOP, PHONE, Page, chromium
-from fake_episodes import JOINTS, make_rows, small_config
+from support.browse_process import Running, browsing
+from support.browser import DESKTOP, PHONE, Page, chromium
+from support.fake_episodes import JOINTS, make_rows, small_config
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.writers import ZarrWriter

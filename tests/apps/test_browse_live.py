@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browse_process import browsing
-from browser import DESKTOP, PHONE, Page, chromium
-from live_run import SMALL, LiveRun, running
 from selenium.common.exceptions import WebDriverException
+from support.browse_process import browsing
+from support.browser import DESKTOP, PHONE, Page, chromium
+from support.live_run import SMALL, LiveRun, running
+from support.places import TINY
 
 pytestmark = pytest.mark.slow
 SHOTS = os.environ.get("GRASP_FACTORY_SHOTS", "")
@@ -162,7 +163,7 @@ def test_quarantined_episodes_show_their_reason_as_text(page: Page, tmp_path: Pa
 
 
 def test_without_a_run_the_page_says_how_to_watch_one(page: Page, tmp_path: Path) -> None:
-    tiny = Path(__file__).parents[1] / "data_samples" / "tiny.zarr"
+    tiny = TINY
     with browsing(tiny, "--index", tmp_path / "index.sqlite") as server:
         page.open(server.url)
         page.css(".page-grid")

@@ -13,10 +13,10 @@ from typing import Any
 from urllib.parse import quote
 
 import pytest
-from browse_process import Running, browsing
-from fake_episodes import JOINTS, make_episode, make_spec, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.browse_process import Running, browsing
+from support.fake_episodes import JOINTS, make_episode, make_spec, small_config
 
 from grasp_factory.apps.browse.guard import HEADERS, MOST_BODY, Guard
 from grasp_factory.apps.browse.serving import MOST_HEADER

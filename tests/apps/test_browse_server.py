@@ -19,12 +19,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from browse_process import Running, browsing
-from fake_episodes import JOINTS, make_episode, make_rows, small_config
 from flask.testing import FlaskClient
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+from support.browse_process import Running, browsing
+from support.fake_episodes import JOINTS, make_episode, make_rows, small_config
+from support.places import TINY
 
 from grasp_factory.apps.browse import crowd, serving, site
 from grasp_factory.apps.browse.app import create_app
@@ -45,7 +46,6 @@ from grasp_factory.signals.touch import contact_values
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr.store import prepare_store
 
-SAMPLES = Path(__file__).parent.parent / "data_samples" / "tiny.zarr"
 CONFIG = small_config(video_hz=10)
 N, QUARANTINED = 14, 5
 MISSING = range(8, 12)
@@ -67,7 +67,7 @@ def make_fake(path: Path, n: int = N, blocks: tuple[int, ...] = (0, 1, 3)) -> Pa
 def stores(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Return a store of real attempts, and one with a quarantined row, a missing block, videos."""
     folder = tmp_path_factory.mktemp("stores")
-    return Path(shutil.copytree(SAMPLES, folder / "real.zarr")), make_fake(folder / "fake.zarr")
+    return Path(shutil.copytree(TINY, folder / "real.zarr")), make_fake(folder / "fake.zarr")
 
 
 @contextlib.contextmanager

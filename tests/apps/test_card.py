@@ -20,10 +20,11 @@ import mlcroissant
 import numpy as np
 import pytest
 import yaml
-from fake_episodes import JOINTS, make_rows, make_spec, small_config
-from helpers import assert_same_tree, tree
 from hypothesis import given
 from hypothesis import strategies as st
+from support.fake_episodes import JOINTS, make_rows, make_spec, small_config
+from support.helpers import assert_same_tree, tree
+from support.places import TINY
 
 from grasp_factory.apps.card import FILES, Publication, figures, making, write_card
 from grasp_factory.apps.card.licences import LICENCES, licence_url
@@ -48,7 +49,6 @@ from grasp_factory.writers.zarr.store import prepare_store
 
 Run = Callable[..., tuple[int, str, str]]
 
-TINY = Path(__file__).parent.parent / "data_samples" / "tiny.zarr"
 CONFIG = small_config()
 N = 22
 BAD = (5, 13, 14)

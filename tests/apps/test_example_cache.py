@@ -7,12 +7,12 @@ import gc
 import multiprocessing
 import os
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.places import TINY
 from torch.utils.data import DataLoader
 
 from grasp_factory.apps.learning.example_cache import KeptInputs
@@ -20,7 +20,6 @@ from grasp_factory.policies.networks import KINDS
 from grasp_factory.torch import GraspDataset
 
 SHAPES = {"image": (3, 4, 4), "width": (1,)}
-SAMPLE = Path(__file__).parent.parent / "data_samples" / "tiny.zarr"
 
 
 def drawn(count: int) -> dict[str, np.ndarray]:
@@ -101,8 +100,8 @@ def test_no_place_for_the_file_is_no_failure(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("start", ["fork", "spawn"])
 def test_later_epochs_show_what_the_first_did(start: str) -> None:
-    examples = GraspDataset(SAMPLE, uses=KINDS["vision"])
-    fresh = GraspDataset(SAMPLE, uses=KINDS["vision"], keep_bytes=0)
+    examples = GraspDataset(TINY, uses=KINDS["vision"])
+    fresh = GraspDataset(TINY, uses=KINDS["vision"], keep_bytes=0)
     loader = DataLoader(examples, 2, num_workers=2, multiprocessing_context=start)
     epochs = [list(loader) for _ in range(2)]
     assert examples._kept is not None
@@ -114,7 +113,7 @@ def test_later_epochs_show_what_the_first_did(start: str) -> None:
 
 
 def test_kept_examples_are_not_read_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    examples = GraspDataset(SAMPLE)
+    examples = GraspDataset(TINY)
     first = examples[1]["image"]
 
     def unread(*args: object) -> None:
@@ -127,7 +126,7 @@ def test_kept_examples_are_not_read_again(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_noise_is_drawn_anew_and_not_kept() -> None:
-    examples = GraspDataset(SAMPLE, noise="stereo")
+    examples = GraspDataset(TINY, noise="stereo")
     first = examples[0]["image"]
     examples.set_epoch(1)
     assert (examples[0]["image"] != first).any()

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_episodes import make_episode, make_rows, small_config
-from helpers import assert_same_tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from live_run import SMALL, running
+from support.fake_episodes import make_episode, make_rows, small_config
+from support.helpers import assert_same_tree
+from support.live_run import SMALL, running
 
 from grasp_factory.apps import browse
 from grasp_factory.apps.live.alarms import (

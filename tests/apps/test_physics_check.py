@@ -6,8 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from grasp_factory.cli.physics import figures_text
-from scenes import default_episodes
+from support.scenes import default_episodes
 
 from grasp_factory.apps.physics_check import (
     SHORT,
@@ -18,6 +17,7 @@ from grasp_factory.apps.physics_check import (
     label_convergence,
 )
 from grasp_factory.apps.physics_check.figure import Figure, at_most, percentiles
+from grasp_factory.cli.check_physics import figures_text
 from grasp_factory.core.enums import Outcome
 from grasp_factory.simulation.world import World
 

@@ -11,11 +11,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from helpers import tree
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from scenes import cube_spec
-from stored import TINY, varied, with_a_quarantined_row
+from support.helpers import tree
+from support.places import TINY
+from support.scenes import cube_spec
+from support.stored import varied, with_a_quarantined_row
 
 from grasp_factory.apps.playback import playback
 from grasp_factory.apps.playback import video_file as videofile

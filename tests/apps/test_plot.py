@@ -16,12 +16,13 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from fake_episodes import JOINTS, make_rows, small_config
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.places import TINY
 
 from grasp_factory.apps.pictures import plot
 from grasp_factory.apps.pictures.plot import look, plot_episode
@@ -37,7 +38,6 @@ from grasp_factory.signals.plot_series import curve_groups, pad_forces, phase_sp
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
-TINY = Path(__file__).parents[1] / "data_samples/tiny.zarr"
 DATASET = Dataset.open(TINY)
 PAD = (0.02, 0.05)
 

@@ -12,9 +12,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from helpers import tree
-from scenes import cube_spec
-from stored import TINY, varied, with_a_quarantined_row
+from support.helpers import tree
+from support.places import TINY
+from support.scenes import cube_spec
+from support.stored import varied, with_a_quarantined_row
 
 from grasp_factory.apps.rerun import RRD, default_file, sdk
 from grasp_factory.core.enums import label_names

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from fake_episodes import JOINTS, make_episode, make_rows, small_config
-from helpers import tree
+from support.fake_episodes import JOINTS, make_episode, make_rows, small_config
+from support.helpers import tree
 
 from grasp_factory.apps.pictures import painting, sheet, tiles
 from grasp_factory.apps.pictures.sheet import (

@@ -20,6 +20,7 @@ import torch
 import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.places import REPOSITORY
 from torch.utils.data import DataLoader
 
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
@@ -34,7 +35,7 @@ from grasp_factory.writers.zarr import chunks
 
 N = 22
 SMALL = CropShape(size=12)
-PAGE = Path(__file__).parent.parent / "docs" / "torch.md"
+PAGE = REPOSITORY / "docs" / "torch.md"
 BOTH = KINDS["both"]
 starts = pytest.mark.parametrize("start", ["fork", "spawn"])
 

@@ -1,6 +1,6 @@
 """How soon the browse page shows 100,000 rows, over a real socket: makes a store, serves, measures.
 
-    python tests/bench_browse.py [--rows 100000] [--folder DIR] [--store DIR]
+    PYTHONPATH=tests python -m benchmarks.bench_browse [OPTIONS]
 
 The rows are those of ``bench_index``. What one episode takes (images, series, cloud) is measured on
 the store of ``--store``, whose images have a size that people use, one request after the other; the
@@ -21,8 +21,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from bench_index import make
-from browse_process import Running, browsing
+from benchmarks.bench_index import make
+from support.browse_process import Running, browsing
 
 REPEATS = 7
 CONNECTIONS, THUMBS = 6, 60
@@ -128,8 +128,8 @@ def main() -> None:
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(dir=options.folder)))
         if options.rows:
-            make(folder / "bench.zarr", options.rows)
-            is_soon = many_rows(folder / "bench.zarr")
+            make(folder / "benchmarks.bench.zarr", options.rows)
+            is_soon = many_rows(folder / "benchmarks.bench.zarr")
         if options.store:
             one_episode(options.store, folder / "store.sqlite")
     if options.rows and not is_soon:

@@ -1,6 +1,6 @@
 """How an index of 100,000 rows is made and asked: makes a store, measures, removes it.
 
-    python tests/bench_index.py [--rows 100000] [--folder DIR] [--keep] [--store DIR]
+    PYTHONPATH=tests python -m benchmarks.bench_index [OPTIONS]
 
 The store is the one of ``bench_scale``, but with the names of all arrays' files, so that the sizes
 of all of them are looked up. Its 256 different blocks are linked under all numbers, so most columns
@@ -22,8 +22,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from bench_scale import CONFIG, SOURCES, link
-from fake_episodes import JOINTS, make_rows
+from benchmarks.bench_scale import CONFIG, SOURCES, link
+from support.fake_episodes import JOINTS, make_rows
 
 from grasp_factory.core import schema
 from grasp_factory.dataset.annotations import AnnotationLog

@@ -1,6 +1,6 @@
 """How quickly a loader feeds a training step, against the same examples in memory.
 
-    python tests/bench_loader.py grasps.zarr [--rows 2048] [--rounds 5] [--threads 2]
+    PYTHONPATH=tests python -m benchmarks.bench_loader grasps.zarr [OPTIONS]
 
 A store of 640 x 480 pixels, such as `grasp-factory generate --n 2048` makes. In a round each
 feeds one epoch of steps of the `vision` network; the ratio is that of the same round, so that what

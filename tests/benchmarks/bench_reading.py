@@ -1,7 +1,7 @@
 """How quickly episodes are read, and what other codecs would give, on a store of real images.
 
     grasp-factory generate --n 24 --out grasps.zarr
-    python tests/bench_reading.py grasps.zarr [--zarrs]
+    PYTHONPATH=tests python -m benchmarks.bench_reading grasps.zarr [--zarrs]
 
 Everything runs in one process and one thread, from a warm page cache, the readers in turn.
 """

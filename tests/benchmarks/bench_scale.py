@@ -1,6 +1,6 @@
 """How a store of a million rows reads: makes one, measures it, removes it.
 
-    python tests/bench_scale.py [--rows 1000000] [--folder DIR] [--keep]
+    PYTHONPATH=tests python -m benchmarks.bench_scale [--rows 1000000] [--folder DIR] [--keep]
 
 The schema is the real one, the images are tiny. A few hundred blocks are written by the real
 writer and linked under all other numbers, so that episodes repeat; the coordinator's own packing
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fake_episodes import JOINTS, make_rows, small_config
+from support.fake_episodes import JOINTS, make_rows, small_config
 
 from grasp_factory.core import schema
 from grasp_factory.dataset.dataset import Dataset

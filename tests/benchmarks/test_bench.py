@@ -9,12 +9,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from bench.contest import CONTESTANTS
-from bench.figures import Bounds, Figure, contest_figures, table_text
-from bench.parts import ENGINE
-from bench.score import Score
-
-TESTS = Path(__file__).parent
+from benchmarks.bench.contest import CONTESTANTS
+from benchmarks.bench.figures import Bounds, Figure, contest_figures, table_text
+from benchmarks.bench.parts import ENGINE
+from benchmarks.bench.score import Score
+from support.places import TESTS
 
 
 def score(episodes: int = 10, seconds: float = 1.0, stored_bytes: int = 1) -> Score:
@@ -72,8 +71,8 @@ class TestFigures:
 def test_everyone_takes_part_and_the_tape_gives_the_episodes_pictures(tmp_path: Path) -> None:
     names = ["parts", "reader", "memory"]
     names += [name for name in CONTESTANTS if name != "kuka"]  # it needs what not everyone has
-    out = tmp_path / "bench.json"
-    command = [sys.executable, "-m", "bench", "--episodes", "3", "--rounds", "1",
+    out = tmp_path / "benchmarks.bench.json"
+    command = [sys.executable, "-m", "benchmarks.bench", "--episodes", "3", "--rounds", "1",
                "--resolution", "64x48", "--json", str(out),
                "--only", *names]  # fmt: skip
     environment = os.environ | {"PYTHONPATH": str(TESTS)}

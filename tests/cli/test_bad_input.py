@@ -17,9 +17,9 @@ from typing import Any
 from unittest import mock
 
 import pytest
-from helpers import tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.helpers import tree
 
 from grasp_factory.__main__ import main
 from grasp_factory.apps.pictures import preview

@@ -22,7 +22,8 @@ from typing import Any
 import cv2
 import pytest
 import yaml
-from helpers import tree
+from support.helpers import tree
+from support.places import REPOSITORY
 
 from grasp_factory import __version__
 from grasp_factory.__main__ import main
@@ -38,7 +39,6 @@ from grasp_factory.policies import POLICIES
 from grasp_factory.robots import ROBOTS
 
 COMMAND = [sys.executable, "-m", "grasp_factory"]
-ROOT = Path(__file__).parents[1]
 TINY = ("--resolution", "32x24", "--set", "block_size=1")
 
 
@@ -368,7 +368,7 @@ def test_info_lists_the_arrays_of_the_schema_and_labels_and_nothing_strange(
 def test_closed_streams_are_no_failure(store: Path, closed: str) -> None:
     command = f"'{sys.executable}' -m grasp_factory info '{store}' {closed}"
     done = subprocess.run(
-        ["bash", "-c", command], capture_output=True, text=True, cwd=ROOT, check=False
+        ["bash", "-c", command], capture_output=True, text=True, cwd=REPOSITORY, check=False
     )
     assert done.returncode == 0
     assert done.stderr == ""
@@ -379,7 +379,7 @@ def test_a_path_that_is_no_text_is_printed_with_escapes(store: Path, tmp_path: P
     path = os.fsencode(tmp_path) + b"/n\xff.zarr"
     os.symlink(store, path)
     done = subprocess.run(
-        [*COMMAND, "info", path], capture_output=True, text=True, cwd=ROOT, check=False,
+        [*COMMAND, "info", path], capture_output=True, text=True, cwd=REPOSITORY, check=False,
         env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
@@ -411,7 +411,7 @@ def test_help_loads_neither_the_simulator_nor_the_store() -> None:
         "standalone_mode=False); print({'pybullet', 'zarr', 'cv2', 'numpy'} & set(sys.modules))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=REPOSITORY
     )
     assert done.stdout.splitlines()[-1] == "set()"
 
@@ -438,7 +438,7 @@ def test_a_full_disk_is_one_line(store: Path) -> None:
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [*COMMAND, "info", str(store)],
-            stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT, check=False,
+            stdout=full, stderr=subprocess.PIPE, text=True, cwd=REPOSITORY, check=False,
         )  # fmt: skip
     assert done.returncode == 1
     assert "No space left on device" in one_line(done.stderr)
@@ -446,7 +446,10 @@ def test_a_full_disk_is_one_line(store: Path) -> None:
 
 def test_a_reader_that_leaves_early_is_met_with_silence(store: Path) -> None:
     process = subprocess.Popen(
-        [*COMMAND, "info", str(store)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+        [*COMMAND, "info", str(store)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=REPOSITORY,
     )
     assert process.stdout is not None
     process.stdout.close()
@@ -471,7 +474,7 @@ class TestALongRun:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            cwd=ROOT,
+            cwd=REPOSITORY,
             start_new_session=True,
         )
         yield process
@@ -494,7 +497,7 @@ class TestALongRun:
         n = str(max(kept) + 2)
         done = subprocess.run(
             [*COMMAND, "generate", "--n", n, "--out", str(out), *TINY, "--json"],
-            capture_output=True, text=True, cwd=ROOT, check=True,
+            capture_output=True, text=True, cwd=REPOSITORY, check=True,
         )  # fmt: skip
         assert json.loads(done.stdout)["already_there"] == len(kept)
         after = Dataset.open(out)
@@ -540,7 +543,7 @@ class TestALongRun:
         pid, terminal = pty.fork()
         if pid == 0:
             fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 100, 0, 0))
-            os.chdir(ROOT)
+            os.chdir(REPOSITORY)
             command = [*COMMAND, "generate", "--n", "3", "--out", str(out), *TINY]
             os.execv(command[0], command)
         text = read_all(terminal)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from helpers import assert_same_tree
+from support.helpers import assert_same_tree
 
 from grasp_factory.cli import progress
 from grasp_factory.cli.signal_handling import RETRY_S

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from fake_episodes import make_spec, small_config
+from support.fake_episodes import make_spec, small_config
 
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
 from grasp_factory.core.config.physics import PHYSICS_PRESETS

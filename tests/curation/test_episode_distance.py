@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_episodes import make_episode, small_config
+from support.fake_episodes import make_episode, small_config
 
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.episode import Episode

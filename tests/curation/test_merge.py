@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from elsewhere import HERE, THERE, set_texts
-from fake_episodes import JOINTS, make_rows, small_config
-from helpers import assert_same_tree, tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import SMALL
-from stored import old_store
+from support.elsewhere import HERE, THERE, set_texts
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.helpers import assert_same_tree, tree
+from support.scenes import SMALL
+from support.stored import old_store
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.sections import LabelConfig

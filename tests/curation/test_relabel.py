@@ -8,8 +8,8 @@ import sys
 
 import numpy as np
 import pytest
-from helpers import tree
-from scenes import default_episodes
+from support.helpers import tree
+from support.scenes import default_episodes
 
 from grasp_factory.core.config.sections import LabelConfig
 from grasp_factory.core.enums import Outcome
@@ -26,7 +26,7 @@ EPISODES = 20
 @pytest.fixture
 def store(tmp_path):
     """A store of real episodes at low resolution."""
-    from scenes import SMALL
+    from support.scenes import SMALL
 
     path = tmp_path / "ds.zarr"
     prepare_store(path, SMALL, 7, EPISODES, {"robot": ROBOTS["kuka_iiwa"].facts()})

@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from damage import (
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from support.damage import (
     CONFIG,
     LABEL,
     SEGMENT_BLOCKS,
@@ -30,12 +32,11 @@ from damage import (
     make_store,
     swap,
 )
-from elsewhere import HERE, THERE, move, set_attributes, set_texts
-from helpers import assert_same_tree, tree
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from stored import old_store
-from test_isolation import SABOTAGE
+from support.elsewhere import HERE, THERE, move, set_attributes, set_texts
+from support.helpers import assert_same_tree, tree
+from support.places import REPOSITORY
+from support.sabotage import SABOTAGE
+from support.stored import old_store
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.os_errors import GO_ON
@@ -306,7 +307,7 @@ def test_a_recipe_that_kills_its_worker_is_quarantined_again(copy: Path, tmp_pat
     (place / "sitecustomize.py").write_text(SABOTAGE.format(deeds=deeds))
     subprocess.run(
         [sys.executable, "-m", "grasp_factory", "repair", str(copy), "--workers", "1"],
-        env=os.environ | {"PYTHONPATH": f"{place}:{Path(__file__).parent.parent}"},
+        env=os.environ | {"PYTHONPATH": f"{place}:{REPOSITORY}"},
         check=True,
     )
     assert Dataset.open(copy).column("error")[row] == "its worker was lost twice (SIGKILL)"

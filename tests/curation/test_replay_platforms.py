@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from elsewhere import HERE, THERE, made_there, move, set_attributes, set_texts
-from platform_processes import WITHOUT_FMA, command, needs_fma
-from stored import old_store
+from support.elsewhere import HERE, THERE, made_there, move, set_attributes, set_texts
+from support.platform_processes import WITHOUT_FMA, command, needs_fma
+from support.stored import old_store
 
 from grasp_factory.cli.curation_report import replay_text
 from grasp_factory.core.config.factory_config import FactoryConfig

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_episodes import JOINTS, make_rows, small_config
-from helpers import assert_same_tree, tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.helpers import assert_same_tree, tree
 
 from grasp_factory.curation.merge import merge, split
 from grasp_factory.dataset.dataset import Dataset

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from damage import (
+from numcodecs import zstd
+from support.damage import (
     CONFIG,
     LABEL,
     SEGMENT_BLOCKS,
@@ -30,10 +31,9 @@ from damage import (
     same,
     swap,
 )
-from elsewhere import HERE, THERE, made_there, move, set_texts
-from helpers import tree
-from numcodecs import zstd
-from stored import old_store
+from support.elsewhere import HERE, THERE, made_there, move, set_texts
+from support.helpers import tree
+from support.stored import old_store
 from zarr.codecs import GzipCodec
 
 from grasp_factory.core.config.factory_config import FactoryConfig

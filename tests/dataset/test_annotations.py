@@ -24,11 +24,12 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from fake_episodes import JOINTS, make_rows, small_config
-from faulty_disk import FaultyDisk
-from helpers import assert_same_tree, tree
 from hypothesis import given
 from hypothesis import strategies as st
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.faulty_disk import FaultyDisk
+from support.helpers import assert_same_tree, tree
+from support.places import TINY
 
 from grasp_factory.core.enums import Outcome, names
 from grasp_factory.curation.merge import merge, split
@@ -59,7 +60,6 @@ WIDTH, HEIGHT = CONFIG.resolution
 N = 16
 MISSING = (8, 9, 10, 11)
 QUARANTINED = (5, 13)
-SAMPLE = Path(__file__).parent.parent / "data_samples" / "tiny.zarr"
 WHEN = "2026-01-31T08:15:00.250Z"
 MARK = {
     "id": "0123456789ab",
@@ -133,7 +133,7 @@ def store(plain: Path, tmp_path: Path) -> Path:
 @pytest.fixture
 def sample(tmp_path: Path) -> Path:
     """Return a store of four real episodes, in which nothing is wrong."""
-    return Path(shutil.copytree(SAMPLE, tmp_path / "sample"))
+    return Path(shutil.copytree(TINY, tmp_path / "sample"))
 
 
 LETTERS = st.characters(codec="utf-8", exclude_categories=("Cc", "Cf", "Cs", "Co", "Zl", "Zp"))

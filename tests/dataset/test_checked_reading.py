@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from damage import LABEL, N, change, delete, make_store, readings, same
-from fake_episodes import JOINTS, make_rows, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.damage import LABEL, N, change, delete, make_store, readings, same
+from support.fake_episodes import JOINTS, make_rows, small_config
 
 from grasp_factory.curation.merge import split
 from grasp_factory.dataset.dataset import Dataset

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig

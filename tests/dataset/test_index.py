@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_episodes import JOINTS, make_rows, make_spec, small_config
+from support.fake_episodes import JOINTS, make_rows, make_spec, small_config
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Outcome, names

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from elsewhere import HERE, THERE, set_texts
-from fake_episodes import JOINTS, make_rows, small_config
 from hypothesis import given
 from hypothesis import strategies as st
-from stored import old_store
+from support.elsewhere import HERE, THERE, set_texts
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.stored import old_store
 
 from grasp_factory.apps.card import markdown
 from grasp_factory.cli.main import cli

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from fake_episodes import JOINTS, make_episode, make_rows, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.fake_episodes import JOINTS, make_episode, make_rows, small_config
+from support.places import REPOSITORY, TINY
 
 from grasp_factory import Range
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -32,9 +33,7 @@ from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr import chunks
 from grasp_factory.writers.zarr.store import prepare_store
 
-ROOT = Path(__file__).parent.parent
-SAMPLES = ROOT / "data_samples" / "tiny.zarr"
-PAGE = ROOT / "docs" / "reading.md"
+PAGE = REPOSITORY / "docs" / "reading.md"
 EXAMPLE = re.compile(r"```python\n(.*?)```", re.DOTALL)
 CONFIG = small_config(resolution=[16, 16])
 N = 22
@@ -242,7 +241,7 @@ class TestBlocksOfSomeRows:
 
     @pytest.mark.parametrize("how", [{}, {"checked": True}, {"noise": "stereo"}], ids=str)
     def test_are_those_read_alone_however_it_is_opened(self, how: dict[str, Any]) -> None:
-        dataset = Dataset.open(SAMPLES, **how)
+        dataset = Dataset.open(TINY, **how)
         rows = [3, 0, 2, 3]
         want = [dataset[i].checksum() for i in rows]
         there = pickle.loads(pickle.dumps(dataset))
@@ -415,7 +414,7 @@ class TestBalancedRows:
 
 
 def test_the_pages_examples_run_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copytree(SAMPLES, tmp_path / "grasps.zarr")
+    shutil.copytree(TINY, tmp_path / "grasps.zarr")
     monkeypatch.chdir(tmp_path)
     scope: dict[str, Any] = {}
     blocks = EXAMPLE.findall(PAGE.read_text(encoding="utf-8"))

@@ -6,11 +6,11 @@ import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import zarr
-from helpers import tree
+from support.helpers import tree
+from support.places import REPOSITORY
 
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.platforms import FINGERPRINT
@@ -18,7 +18,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.writers.zarr.metadata_checksum import SEAL
 
-SAMPLES = Path(__file__).parent.parent / "data_samples"
+SAMPLES = REPOSITORY / "data_samples"
 
 
 @pytest.fixture(scope="module")

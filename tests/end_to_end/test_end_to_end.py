@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from helpers import assert_same_tree
+from support.helpers import assert_same_tree
 
 from grasp_factory.dataset.dataset import Dataset
 

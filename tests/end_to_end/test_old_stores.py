@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from helpers import tree
-from stored import old_store
+from support.helpers import tree
+from support.stored import old_store
 
 from grasp_factory.apps.browse.app import create_app
 from grasp_factory.apps.browse.thumbnails import Thumbnails

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import cube_spec, take_images
+from support.places import REPOSITORY
+from support.scenes import cube_spec, take_images
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -15,8 +15,7 @@ from grasp_factory.core.enums import Outcome, names
 from grasp_factory.simulation.scene import build_scene, observe
 from grasp_factory.simulation.world import World
 
-ROOT = Path(__file__).parent.parent
-README = ROOT / "README.md"
+README = REPOSITORY / "README.md"
 TABLE = re.compile(r"(<!-- schema: .*? -->\n).*?(<!-- end of schema -->)", re.DOTALL)
 
 
@@ -39,7 +38,11 @@ def test_every_outcome_is_explained():
 
 
 def test_every_file_that_is_linked_exists():
-    for page in (README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))):
+    for page in (
+        README,
+        REPOSITORY / "CONTRIBUTING.md",
+        *sorted((REPOSITORY / "docs").glob("*.md")),
+    ):
         for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
             assert (page.parent / target).exists(), (page.name, target)
 

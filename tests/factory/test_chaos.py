@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import assert_same_tree
+from support.helpers import assert_same_tree
 
 from grasp_factory.dataset.dataset import Dataset
 

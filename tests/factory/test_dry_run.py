@@ -9,8 +9,8 @@ import socket
 from pathlib import Path
 
 import pytest
-from fake_episodes import make_episode, small_config
-from helpers import tree
+from support.fake_episodes import make_episode, small_config
+from support.helpers import tree
 
 from grasp_factory.cli.main import cli
 from grasp_factory.cli.run_report import forecast_text

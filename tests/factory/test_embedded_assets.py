@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from helpers import assert_same_tree
+from support.helpers import assert_same_tree
 
 from grasp_factory.dataset.dataset import Dataset
 

@@ -11,13 +11,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-import fake_blocks as blocks
 import pytest
+from support import fake_blocks as blocks
+from support.places import TESTS
 
 from grasp_factory.errors import RecipeError, WorkerError
 from grasp_factory.factory.executors import Executor, InlineExecutor, ProcessExecutor, make_executor
 
-TESTS = Path(__file__).parent
 ROOT = TESTS.parent
 pytestmark = pytest.mark.timeout(60)
 
@@ -122,7 +122,7 @@ def test_a_worker_that_exits_is_an_error_that_names_job_and_exit_code() -> None:
 
 
 UNGUARDED = """
-import fake_blocks
+from support import fake_blocks
 from grasp_factory.factory.executors import ProcessExecutor
 ProcessExecutor(2).run(fake_blocks.square, [0, 1], print)
 """
@@ -208,7 +208,7 @@ def test_a_worker_that_is_stopped_tidies_up_after_itself(tmp_path: Path) -> None
 
 SCRIPT = """
 from grasp_factory.factory.executors import ProcessExecutor
-import fake_blocks as blocks
+from support import fake_blocks as blocks
 
 if __name__ == "__main__":
     ProcessExecutor(2).run(blocks.sleeps, range(4), lambda pid: print(pid, flush=True))

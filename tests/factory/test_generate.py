@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from fake_episodes import make_episode, small_config
-from helpers import assert_same_tree, tree
+from support.fake_episodes import make_episode, small_config
+from support.helpers import assert_same_tree, tree
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from elsewhere import HERE, THERE, made_there, move
-from fake_episodes import make_episode, small_config
-from helpers import assert_same_tree, tree
-from platform_processes import WITHOUT_FMA, command, needs_fma
-from stored import old_store
+from support.elsewhere import HERE, THERE, made_there, move
+from support.fake_episodes import make_episode, small_config
+from support.helpers import assert_same_tree, tree
+from support.platform_processes import WITHOUT_FMA, command, needs_fma
+from support.stored import old_store
 
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of

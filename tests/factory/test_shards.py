@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_episodes import make_episode, small_config
-from helpers import assert_same_tree
 from hypothesis import given
 from hypothesis import strategies as st
+from support.fake_episodes import make_episode, small_config
+from support.helpers import assert_same_tree
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreBusyError

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scenes import SMALL, cube_spec, default_episodes
+from support.scenes import SMALL, cube_spec, default_episodes
 
 from grasp_factory.cli.store_report import store_text
 from grasp_factory.core import schema

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers import assert_same_tree
+from support.helpers import assert_same_tree
 
 from grasp_factory.core.cache import VARIABLE, cache_dir, digest, write
 from grasp_factory.errors import ConfigError, StoreError, UsageError

@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import nasty_meshes
 import numpy as np
 import pytest
-from helpers import assert_same_tree
+from support import nasty_meshes
+from support.helpers import assert_same_tree
 
 from grasp_factory.cli import options
 from grasp_factory.cli.object_import import import_for

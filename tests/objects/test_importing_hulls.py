@@ -2,11 +2,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import nasty_meshes
 import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from support import nasty_meshes
 
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.geometry import Array

@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import nasty_meshes
 import numpy as np
 import pytest
+from support import nasty_meshes
 
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.objects.base import Compound, ObjectModel

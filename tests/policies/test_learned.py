@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from helpers import assert_same_tree
-from test_policies import brick, make_view, plain
-from tiny_models import tiny_model
+from support.helpers import assert_same_tree
+from support.tiny_models import tiny_model
+from support.views import brick, make_view, plain
 
 from grasp_factory.core.cache import VARIABLE, cache_dir, digest
 from grasp_factory.core.config.factory_config import FactoryConfig

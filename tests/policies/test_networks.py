@@ -16,13 +16,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from test_policies import brick, photograph
-from tiny_models import tiny_model
+from support.tiny_models import tiny_model
+from support.views import brick, photograph
 
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.enums import Label, Phase
 from grasp_factory.core.episode import CameraImage
 from grasp_factory.core.geometry import Array, inverse, rotation_about, transform
+from grasp_factory.core.optional import require
 from grasp_factory.errors import ConfigError, UsageError
 from grasp_factory.policies.networks import (
     KINDS,
@@ -32,7 +33,6 @@ from grasp_factory.policies.networks import (
     image_of,
     load_model,
     mirrored,
-    require,
     save_model,
     take,
     touch_of,
@@ -463,8 +463,8 @@ class TestFiles:
 
 def test_what_is_not_installed_is_named() -> None:
     with pytest.raises(UsageError) as caught:
-        require("numpy", "no_such_one", "nor_this")
+        require("numpy", "no_such_one", "nor_this", extra="train")
     assert str(caught.value) == (
         "this needs no_such_one, nor_this, not installed: pip install 'grasp-factory[train]'"
     )
-    require("numpy")
+    require("numpy", extra="train")

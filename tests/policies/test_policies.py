@@ -2,26 +2,35 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
-from types import MappingProxyType
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tiny_models import tiny_model
+from support.tiny_models import tiny_model
+from support.views import (
+    BRICK,
+    FRONT,
+    GRIPPER,
+    GRIPPERS,
+    RESOLUTION,
+    Boxes,
+    brick,
+    make_view,
+    photograph,
+    plain,
+)
 
 from grasp_factory.core.cache import VARIABLE, digest
-from grasp_factory.core.camera import Intrinsics, deproject, project
-from grasp_factory.core.config.cameras import CAMERAS
-from grasp_factory.core.config.sections import CameraConfig, WorkspaceConfig
+from grasp_factory.core.camera import project
+from grasp_factory.core.config.sections import CameraConfig
 from grasp_factory.core.enums import Label
-from grasp_factory.core.episode import CameraImage, Grasp, SceneView
+from grasp_factory.core.episode import Grasp, SceneView
 from grasp_factory.core.geometry import (
     Array,
     apply,
     inverse,
-    look_at,
     rotation_about,
     rotation_vector,
     transform,
@@ -36,15 +45,8 @@ from grasp_factory.policies.solid import SolidColumns
 from grasp_factory.policies.surface import Surface, outline, seen_surface
 from grasp_factory.policies.top_down import RANKED, TopDownParameters
 from grasp_factory.policies.uniform import UniformParameters
-from grasp_factory.robots import ROBOTS
 
 SIDE = CameraConfig(eye=(0.5, 0.7, 0.5), target=(0.5, 0.0, 0.05))
-FRONT = CAMERAS["front"].config
-RESOLUTION = (320, 240)
-GRIPPERS = {name: model.gripper for name, model in ROBOTS.items()}
-GRIPPER = GRIPPERS["kuka_iiwa"]
-BRICK = (0.10, 0.04, 0.05)
-"""Length along its own x, breadth and height, metres."""
 PLACES = [(0.52, -0.08, 0.0), (0.55, 0.06, 0.4), (0.48, 0.0, 1.1), (0.6, 0.1, -1.3), (0.5, 0, 1.57)]
 """x, y and yaw of a brick on the table."""
 TILT_DEG = {
@@ -54,64 +56,6 @@ TILT_DEG = {
 """How far from straight down a policy approaches by default; for ``perturbed`` 4.9 sigma."""
 NEEDED = {"learned": {"model": digest(tiny_model(0))}}
 """Settings that have no default."""
-
-Boxes = list[tuple[Array, tuple[float, float, float], int]]
-
-
-def brick(x: float, y: float, yaw: float, size: tuple[float, float, float] = BRICK) -> Boxes:
-    """Return one target box standing on the table."""
-    T_world_box = transform(rotation_about((0.0, 0.0, 1.0), yaw), (x, y, size[2] / 2.0))
-    return [(T_world_box, size, Label.TARGET)]
-
-
-def entry_distance(origin: Array, rays: Array, size: tuple[float, float, float]) -> Array:
-    """Return where rays (H, W, 3) enter a box about the origin, inf where they miss it."""
-    half = np.array(size) / 2.0
-    slow = np.where(np.abs(rays) < 1e-12, 1e-12, rays)
-    to_low, to_high = (-half - origin) / slow, (half - origin) / slow
-    entry = np.minimum(to_low, to_high).max(axis=-1)
-    leave = np.maximum(to_low, to_high).min(axis=-1)
-    return np.where((entry <= leave) & (entry > 0.0), entry, np.inf)
-
-
-def photograph(camera: CameraConfig, boxes: Boxes, resolution: tuple[int, int]) -> CameraImage:
-    """Return what a pinhole sees of boxes on the table: every pixel's ray, met with each."""
-    width, height = resolution
-    K = Intrinsics.from_fov(width, height, math.radians(camera.fov_y_deg)).matrix()
-    T_world_camera = look_at(camera.eye, camera.target, camera.up)
-    rays = deproject(np.ones((height, width)), K)  # depth 1: lengths along a ray are depths
-    down = rays @ T_world_camera[2, :3]
-    depth = np.where(down < 0.0, -T_world_camera[2, 3] / np.minimum(down, -1e-12), camera.far)
-    labels = np.where(down < 0.0, Label.TABLE, Label.BACKGROUND)
-    for T_world_box, size, label in boxes:
-        T_box_camera = inverse(T_world_box) @ T_world_camera
-        entry = entry_distance(T_box_camera[:3, 3], rays @ T_box_camera[:3, :3].T, size)
-        labels = np.where(entry < depth, label, labels)
-        depth = np.minimum(entry, depth)
-    return CameraImage(
-        rgb=np.zeros((height, width, 3), np.uint8),
-        depth=np.minimum(depth, camera.far).astype(np.float32),
-        segmentation=labels.astype(np.uint8),
-        intrinsics=K,
-        T_world_camera=T_world_camera,
-    )
-
-
-def make_view(
-    boxes: Boxes,
-    gripper: Gripper = GRIPPER,
-    cameras: Mapping[str, CameraConfig] = MappingProxyType({"front": FRONT}),
-    resolution: tuple[int, int] = RESOLUTION,
-) -> SceneView:
-    return SceneView(
-        images={name: photograph(c, boxes, resolution) for name, c in cameras.items()},
-        joint_positions=np.zeros(7),
-        T_world_tcp=np.eye(4),
-        gripper=gripper,
-        workspace=WorkspaceConfig(),
-        target_label=int(Label.TARGET),
-    )
-
 
 LEANING: Boxes = [
     (
@@ -177,10 +121,6 @@ def overlaps(grasp: Grasp, gripper: Gripper, boxes: Boxes) -> bool:
 
 def tilt_deg(grasp: Grasp) -> float:
     return math.degrees(math.acos(min(1.0, -grasp.T_world_tcp[2, 2])))
-
-
-def plain(grasps: tuple[Grasp, ...]) -> list[tuple[Any, ...]]:
-    return [(grasp.T_world_tcp.tolist(), grasp.width, grasp.score) for grasp in grasps]
 
 
 def arrays(view: SceneView) -> list[NDArray[Any]]:

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenes import SMALL, cube_spec
+from support.scenes import SMALL, cube_spec
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig

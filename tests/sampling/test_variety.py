@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import assert_same_tree
-from scenes import SMALL
+from support.helpers import assert_same_tree
+from support.scenes import SMALL
 
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig

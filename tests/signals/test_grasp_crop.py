@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_episodes import JOINTS, make_rows, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from test_policies import brick, photograph
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.places import TINY
+from support.views import brick, photograph
 
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -500,7 +501,7 @@ class TestInADataset:
 
 
 def test_an_old_sample_has_crops(tmp_path: Path) -> None:
-    samples = Path(__file__).parent.parent / "data_samples" / "tiny.zarr"
+    samples = TINY
     dataset = Dataset.open(shutil.copytree(samples, tmp_path / "tiny.zarr"))
     for row in dataset.where(success=True).tolist():
         assert (dataset.grasp_crop(row).label == Label.TARGET).sum() > 20

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_episodes import JOINTS, make_episode, small_config
+from support.fake_episodes import JOINTS, make_episode, small_config
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.dataset.dataset import Dataset

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_episodes import JOINTS, make_episode, small_config
 from hypothesis import given
 from hypothesis import strategies as st
+from support.fake_episodes import JOINTS, make_episode, small_config
 
 from grasp_factory.core.camera import Intrinsics, project
 from grasp_factory.core.config.cameras import CAMERAS

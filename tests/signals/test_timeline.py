@@ -2,19 +2,18 @@ from __future__ import annotations
 
 import itertools
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.places import REPOSITORY
 
 from grasp_factory.core.geometry import Pose, quat_xyzw_to_matrix, rotation_about, rotation_vector
 from grasp_factory.errors import UsageError
 from grasp_factory.signals import approximate_time, interpolate_poses, linear, nearest, slerp
 
-ROOT = Path(__file__).parent.parent
 TIMES = st.lists(st.integers(0, 40), min_size=1, max_size=7, unique=True).map(sorted)
 SERIES = st.lists(TIMES, min_size=1, max_size=4)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -252,10 +251,12 @@ def _pose(R: np.ndarray) -> np.ndarray:
 
 
 def test_the_example_in_the_docs_runs() -> None:
-    code = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "signals.md").read_text(), re.DOTALL)
+    code = re.findall(
+        r"```python\n(.*?)```", (REPOSITORY / "docs" / "signals.md").read_text(), re.DOTALL
+    )
     assert len(code) == 1
     scope: dict[str, Any] = {}
-    exec(code[0].replace("grasps.zarr", str(ROOT / "data_samples" / "tiny.zarr")), scope)
+    exec(code[0].replace("grasps.zarr", str(REPOSITORY / "data_samples" / "tiny.zarr")), scope)
     records, samples = len(scope["s"]["timestamp"]), len(scope["imu"]["timestamp"])
     assert scope["image"].shape == (records, 2, 24, 10)
     assert scope["load"].shape == (records, 6)

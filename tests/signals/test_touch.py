@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ import zarr
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from support.places import TINY
 
 from grasp_factory.core.enums import Label
 from grasp_factory.errors import UnknownNameError, UsageError
@@ -23,7 +23,6 @@ from grasp_factory.signals import (
 
 Streams = dict[str, NDArray[Any]]
 
-SAMPLES = Path(__file__).parent.parent / "data_samples" / "tiny.zarr"
 PAD = (0.02, 0.04)
 T, P = 3, 5
 
@@ -61,7 +60,7 @@ def random_streams(seed: int, reach: float) -> Streams:
 @pytest.fixture(scope="module")
 def sample() -> Streams:
     """The touch streams of all episodes that ship with the repository, one after the other."""
-    root = zarr.open_group(SAMPLES, mode="r")
+    root = zarr.open_group(TINY, mode="r")
     lengths = np.asarray(root["episodes/n_steps"][:])
     names = [f"tactile_{name}" for name in ("position", "force", "normal", "body", "wrench")]
     return {
@@ -191,7 +190,7 @@ class TestStoredEpisodes:
         np.testing.assert_allclose(wrench[whole], sample["tactile_wrench"][whole], atol=1e-4)
 
     def test_the_image_carries_the_labels_normal_force(self, sample: Streams) -> None:
-        pad_size = zarr.open_group(SAMPLES, mode="r").attrs["robot"]["pad_size"]
+        pad_size = zarr.open_group(TINY, mode="r").attrs["robot"]["pad_size"]
         image = taxel_image(sample, tuple(pad_size), 12, 5, body=Label.TARGET)
         force = pad_normal_force(sample)
         assert force.max() > 1.0

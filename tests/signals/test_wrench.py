@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 import zarr
 from hypothesis import given
 from hypothesis import strategies as st
+from support.places import TINY
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Phase
@@ -16,7 +16,6 @@ from grasp_factory.errors import UsageError
 from grasp_factory.signals import calibrate, compensate_gravity, rotations, tare, tool_load
 from grasp_factory.signals.wrench import GRAVITY
 
-SAMPLES = Path(__file__).parent.parent / "data_samples" / "tiny.zarr"
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -141,7 +140,7 @@ class TestCalibrate:
 @pytest.fixture(scope="module")
 def held() -> dict[str, Any]:
     """The heaviest object held in the shipped dataset: what is needed of it, and of its robot."""
-    root = zarr.open_group(SAMPLES, mode="r")
+    root = zarr.open_group(TINY, mode="r")
     i = int(np.argmax(root["episodes/object_mass"][:] * root["episodes/success"][:]))
     n = int(root["episodes/n_steps"][i])
     names = ("wrist_wrench", "tcp_pose", "phase", "object_pose")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from platform_processes import WITHOUT_FMA, in_a_process, needs_fma
+from support.platform_processes import WITHOUT_FMA, in_a_process, needs_fma
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.machine import UNKNOWN, level, platform_facts

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import SMALL, cube_spec, take_images
-from worlds import world_of
+from support.scenes import SMALL, cube_spec, take_images
+from support.worlds import world_of
 
 from grasp_factory.core.camera import deproject, project
 from grasp_factory.core.config.cameras import CAMERAS as SHIPPED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import SMALL, cube_spec
+from support.scenes import SMALL, cube_spec
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig

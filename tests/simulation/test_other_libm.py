@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from damage import cut
-from platform_processes import WITHOUT_FMA, command, needs_fma
+from support.damage import cut
+from support.platform_processes import WITHOUT_FMA, command, needs_fma
 
 from grasp_factory.core.platforms import PARTS
 from grasp_factory.dataset.dataset import Dataset

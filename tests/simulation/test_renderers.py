@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_episodes import small_config
-from scenes import SMALL, cube_spec, take_images
-from worlds import world_of
+from support.fake_episodes import small_config
+from support.scenes import SMALL, cube_spec, take_images
+from support.worlds import world_of
 
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pybullet
 import pytest
-from scenes import SMALL, cube_spec, default_episodes
+from support.scenes import SMALL, cube_spec, default_episodes
 
 from grasp_factory.core.config.sections import CameraConfig
 from grasp_factory.core.enums import Label, Outcome, Phase

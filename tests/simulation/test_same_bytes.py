@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy._core import _multiarray_umath
-from processor_runs import CASES
-from same_bytes import ALLOWED, PACKAGE, findings, path_modules
-from tiny_models import tiny_model
+from support.places import TESTS
+from support.processor_runs import CASES
+from support.same_bytes import ALLOWED, PACKAGE, findings, path_modules
+from support.tiny_models import tiny_model
 
 from grasp_factory.core.cache import VARIABLE
 
-HERE = Path(__file__).parent
 ASKED = ("default:4", "strong:2", "panda:2", "video:1", "wrist:1", "mixture:4")
 """A small form of what docs/physics.md has figures of."""
 OPENCV_FEATURES = "SSE4.1,SSE4.2,AVX,FP16,AVX2,AVX512-SKX"
@@ -108,7 +108,7 @@ def run(*environment: tuple[str, str], trapped: bool = False) -> str:
     code = f"{trap}import runpy; runpy.run_path('processor_runs.py', run_name='__main__')"
     done = subprocess.run(
         [sys.executable, "-W", "error", "-X", "faulthandler", "-c", code, *ASKED],
-        env={**os.environ, **dict(environment)}, cwd=HERE, capture_output=True, text=True,
+        env={**os.environ, **dict(environment)}, cwd=TESTS, capture_output=True, text=True,
         check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
@@ -121,7 +121,7 @@ def run(*environment: tuple[str, str], trapped: bool = False) -> str:
 )
 def test_the_trap_kills_who_calls_what_is_not_allowed(code):
     code = f"import numpy as np, same_bytes; same_bytes.trap(); {code}"
-    done = subprocess.run([sys.executable, "-c", code], cwd=HERE, capture_output=True, check=False)
+    done = subprocess.run([sys.executable, "-c", code], cwd=TESTS, capture_output=True, check=False)
     assert done.returncode != 0
 
 
@@ -166,7 +166,7 @@ def test_learned_episodes_do_not_depend_on_the_kernels_of_torch(model):
     found = [
         subprocess.run(
             [sys.executable, "processor_runs.py", str(model), "learned:3"],
-            env={**os.environ, **variant, VARIABLE: str(model.parent)}, cwd=HERE,
+            env={**os.environ, **variant, VARIABLE: str(model.parent)}, cwd=TESTS,
             capture_output=True, text=True, check=True,
         ).stdout
         for variant in variants

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenes import SMALL, cube_spec, take_images
+from support.scenes import SMALL, cube_spec, take_images
 
 from grasp_factory.core.enums import Label, Outcome
 from grasp_factory.core.geometry import Pose

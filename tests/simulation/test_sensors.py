@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenes import SMALL, cube_spec, default_episodes
+from support.scenes import SMALL, cube_spec, default_episodes
 
 from grasp_factory.core import schema
 from grasp_factory.core.enums import Label, Phase

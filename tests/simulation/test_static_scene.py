@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from scenes import SMALL, cube_spec, take_images
+from support.scenes import SMALL, cube_spec, take_images
 
 from grasp_factory.core.appearance import SurfaceAppearance, Surroundings
 from grasp_factory.core.camera import Light, deproject, project

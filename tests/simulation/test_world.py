@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pybullet
 import pytest
-from scenes import SMALL
+from support.scenes import SMALL
 
 from grasp_factory.core.camera import Camera, Intrinsics, Light, deproject, zbuffer_to_depth
 from grasp_factory.core.config.physics import PhysicsConfig, Stepping

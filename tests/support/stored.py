@@ -9,7 +9,7 @@ import zipfile
 from functools import cache
 from pathlib import Path
 
-from fake_episodes import JOINTS, make_rows, small_config
+from support.fake_episodes import JOINTS, make_rows, small_config
 
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -20,7 +20,6 @@ from grasp_factory.writers.zarr.writer import ZarrWriter
 
 OLD = Path(__file__).parent / "made_by_0.4.0.zip"
 """A store of four rows, the last quarantined, of a version without fingerprints."""
-TINY = Path(__file__).parents[1] / "data_samples" / "tiny.zarr"
 
 
 @cache

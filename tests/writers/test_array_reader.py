@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from fake_episodes import JOINTS, make_rows, small_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numcodecs import zstd
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.places import TINY
 
 from grasp_factory.core import schema
 from grasp_factory.errors import StoreError
@@ -29,7 +30,6 @@ from grasp_factory.writers.zarr.store import prepare_store
 VIEW = {"eye": [1.0, 0.0, 0.5], "target": [0.5, 0.0, 0.0]}
 CONFIG = small_config(cameras={"left": VIEW, "right": VIEW}, video_hz=5, resolution=(16, 16))
 N = 15
-TINY = Path(__file__).parent.parent / "data_samples/tiny.zarr"
 
 
 @pytest.fixture(scope="module")

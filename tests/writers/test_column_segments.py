@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from fake_episodes import JOINTS, make_rows, small_config
-from helpers import assert_same_tree, pending_blocks, tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.helpers import assert_same_tree, pending_blocks, tree
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import summarise

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_episodes import make_episode, small_config
-from faulty_disk import FaultyDisk
-from helpers import assert_same_tree, tree
+from support.fake_episodes import make_episode, small_config
+from support.faulty_disk import FaultyDisk
+from support.helpers import assert_same_tree, tree
 
 from grasp_factory.core.os_errors import GO_ON
 from grasp_factory.errors import GraspFactoryWarning, RecipeError, StaleLockWarning, StoreError

@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 import zarr
-from fake_episodes import JOINTS, make_rows, small_config
-from helpers import assert_same_tree, pending_blocks, tree
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.helpers import assert_same_tree, pending_blocks, tree
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig

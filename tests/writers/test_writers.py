@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
-from helpers import assert_same_tree, pending_blocks, tree
+from support.fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
+from support.helpers import assert_same_tree, pending_blocks, tree
+from support.places import TESTS
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -276,7 +277,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
-from fake_episodes import make_rows, small_config
+from support.fake_episodes import make_rows, small_config
 from grasp_factory.writers import ZarrWriter
 writer, rows = ZarrWriter(Path({path!r})), make_rows(small_config(block_size=2), 0, 2, (1,))
 left, replace = {survivors}, Path.replace
@@ -296,7 +297,7 @@ def test_a_process_killed_while_writing_leaves_nothing_that_stays(
     tmp_path: Path, survivors: int
 ) -> None:
     write_all(tmp_path / "want", CONFIG, 2)
-    path, tests = tmp_path / "out", str(Path(__file__).parent)
+    path, tests = tmp_path / "out", str(TESTS)
     prepare_store(path, CONFIG, JOINTS, 2, {})
     survivors %= len(schema.expand(CONFIG))
     code = KILLED.format(tests=tests, path=str(path), survivors=survivors)
@@ -321,7 +322,7 @@ SHARED = """
 import sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
-from fake_episodes import make_rows, small_config
+from support.fake_episodes import make_rows, small_config
 from grasp_factory.writers import ZarrWriter
 writer = ZarrWriter(Path({path!r}))
 for block in range(int(sys.argv[1]), 8, 2):
@@ -332,7 +333,7 @@ for block in range(int(sys.argv[1]), 8, 2):
 def test_two_processes_with_their_own_blocks_lose_nothing(tmp_path: Path) -> None:
     write_all(tmp_path / "want", CONFIG, 16)
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 16, {})
-    code = SHARED.format(tests=str(Path(__file__).parent), path=str(tmp_path / "out"))
+    code = SHARED.format(tests=str(TESTS), path=str(tmp_path / "out"))
     both = [subprocess.Popen([sys.executable, "-c", code, first]) for first in "01"]
     assert [process.wait(60) for process in both] == [0, 0]
     assert_same_tree(tmp_path / "want", tmp_path / "out")

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.contest import CONTESTANTS, hold, in_fresh_process
-from bench.figures import (
+from benchmarks.bench.contest import CONTESTANTS, hold, in_fresh_process
+from benchmarks.bench.figures import (
     Figure,
     contest_figures,
     memory_figures,
@@ -19,14 +19,15 @@ from bench.figures import (
     reader_figures,
     table_text,
 )
-from bench.score import Score, Settings
+from benchmarks.bench.score import Score, Settings
+
 from grasp_factory.errors import ConfigError
 from grasp_factory.factory.run_request import parse_size
 
 ALONE: dict[str, tuple[str, Callable[[Score], list[Figure]]]] = {
-    "parts": ("bench.parts:measure", part_figures),
-    "reader": ("bench.reader:measure", reader_figures),
-    "memory": ("bench.memory:measure", memory_figures),
+    "parts": ("benchmarks.bench.parts:measure", part_figures),
+    "reader": ("benchmarks.bench.reader:measure", reader_figures),
+    "memory": ("benchmarks.bench.memory:measure", memory_figures),
 }
 """What is measured once, with nothing to take turns with."""
 

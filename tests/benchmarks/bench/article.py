@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 import pybullet as p
 import pybullet_data
-
-from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
+from benchmarks.bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
 
 OBJECTS = ("cube_small.urdf", "sphere_small.urdf", "duck_vhacd.urdf")
 EYE, TARGET, FOV_DEG, NEAR, FAR = (0.8, 0.0, 1.2), (0.0, 0.0, 0.7), 60.0, 0.01, 10.0

@@ -1,4 +1,4 @@
-"""Runs one contestant in this process and writes its score: ``python -m bench.child``."""
+"""Runs one contestant in this process and writes its score to stdout."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from benchmarks.bench.score import NotAvailable, Settings
+
 import grasp_factory.simulation.world.engine  # noqa: F401  imports PyBullet without its greeting
-from bench.score import NotAvailable, Settings
 
 
 def main(function: str, settings: str, result: str) -> None:

@@ -12,15 +12,15 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bench.score import NotAvailable, Score, Settings
+from benchmarks.bench.score import NotAvailable, Score, Settings
 
 CONTESTANTS: Mapping[str, str] = {
-    "article": "bench.article:measure",
-    "factory": "bench.factory:measure_one",
-    "floor": "bench.floor:measure",
-    "fast": "bench.factory:measure_fast",
-    "two": "bench.factory:measure_two",
-    "kuka": "bench.kuka_env:measure",
+    "article": "benchmarks.bench.article:measure",
+    "factory": "benchmarks.bench.factory:measure_one",
+    "floor": "benchmarks.bench.floor:measure",
+    "fast": "benchmarks.bench.factory:measure_fast",
+    "two": "benchmarks.bench.factory:measure_two",
+    "kuka": "benchmarks.bench.kuka_env:measure",
 }
 """In the order of their turns; those that are compared with each other are neighbours."""
 
@@ -56,12 +56,12 @@ def in_fresh_process(function: str, settings: Settings) -> dict[str, Any]:
         NotAvailable: if it says so.
         subprocess.CalledProcessError: if it fails.
     """
-    here = str(Path(__file__).parents[1])
+    here = str(Path(__file__).parents[2])
     search = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH", "")]))
     with tempfile.TemporaryDirectory() as place:
         result = Path(place, "score.json")
         wanted = json.dumps(dataclasses.asdict(settings))
-        command = [sys.executable, "-m", "bench.child", function, wanted, str(result)]
+        command = [sys.executable, "-m", "benchmarks.bench.child", function, wanted, str(result)]
         environment = os.environ | {"PYTHONPATH": search}
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
         answer: dict[str, Any] = json.loads(result.read_text(encoding="utf-8"))

@@ -7,7 +7,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
+from benchmarks.bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
+
 from grasp_factory import FactoryConfig, generate
 from grasp_factory.factory.block_job import Made
 from grasp_factory.factory.run_request import resolve_request

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TypedDict
 
-from bench.contest import Scores
-from bench.parts import ENGINE, PARTS
-from bench.score import Score
+from benchmarks.bench.contest import Scores
+from benchmarks.bench.parts import ENGINE, PARTS
+from benchmarks.bench.score import Score
+
 from grasp_factory.core.text_format import table
 
 MB = 1e6

@@ -12,9 +12,10 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
-from bench.engine import Call, watched_engine
-from bench.factory import WARM_UP_SEED, config_of
-from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
+from benchmarks.bench.engine import Call, watched_engine
+from benchmarks.bench.factory import WARM_UP_SEED, config_of
+from benchmarks.bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
+
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World

@@ -18,8 +18,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
-
-from bench.score import NotAvailable, Score, Settings, Stopwatch, peak_bytes
+from benchmarks.bench.score import NotAvailable, Score, Settings, Stopwatch, peak_bytes
 
 SHARE = 8
 """It takes seconds an episode at 640x480, so it makes one in so many of what others make."""

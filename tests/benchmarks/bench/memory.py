@@ -6,8 +6,9 @@ import os
 import tempfile
 from pathlib import Path
 
-from bench.factory import config_of
-from bench.score import Score, Settings, Stopwatch, peak_bytes
+from benchmarks.bench.factory import config_of
+from benchmarks.bench.score import Score, Settings, Stopwatch, peak_bytes
+
 from grasp_factory import generate
 from grasp_factory.factory.block_job import Made
 

@@ -14,9 +14,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from bench.engine import Call, watched_engine
-from bench.factory import WARM_UP_SEED, config_of
-from bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
+from benchmarks.bench.engine import Call, watched_engine
+from benchmarks.bench.factory import WARM_UP_SEED, config_of
+from benchmarks.bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
+
 from grasp_factory.factory import block_job, generate
 from grasp_factory.simulation import grasp_execution, rollout
 from grasp_factory.writers.zarr import writer

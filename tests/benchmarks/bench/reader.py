@@ -15,10 +15,10 @@ from typing import Any
 
 import cv2
 import numpy as np
+from benchmarks.bench import article
+from benchmarks.bench.factory import config_of
+from benchmarks.bench.score import Score, Settings, Stopwatch, peak_bytes
 
-from bench import article
-from bench.factory import config_of
-from bench.score import Score, Settings, Stopwatch, peak_bytes
 from grasp_factory import Dataset, generate
 
 PASSES = 5
