@@ -16,6 +16,7 @@ from support.browse_process import Running, browsing
 from support.browser import DESKTOP, PHONE, Page, chromium
 from support.fake_episodes import JOINTS, make_rows, small_config
 from support.places import TINY
+from support.scale import soak_only
 
 from grasp_factory.cli.main import cli
 from grasp_factory.core.enums import Outcome
@@ -667,7 +668,7 @@ def test_the_selection_of_the_grid_takes_an_episode_from_its_page(
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("dark", [False, *soak_only(True)], ids=["light", "dark"])
 def test_both_pages_fit_into_the_window(
     show: Callable[..., Page], size: tuple[int, int], *, dark: bool
 ) -> None:
@@ -684,11 +685,12 @@ def test_both_pages_fit_into_the_window(
     assert page.overflow() <= 0
 
 
+@pytest.mark.soak
 def test_a_page_that_is_left_stops_playing_and_gives_its_webgl_back(
     show: Callable[..., Page],
 ) -> None:
     page = show(REAL, 0)
-    for _ in range(9):  # a browser keeps no more than 16 contexts, and says so in the console
+    for _ in range(9):  # a browser keeps 16 contexts at most, and says so in the console
         for row in (1, 0):
             page = show(REAL, row)
             page.press(" ")

@@ -16,6 +16,7 @@ import pytest
 from support.browse_process import Running, browsing
 from support.browser import DESKTOP, PHONE, Page, chromium
 from support.fake_episodes import JOINTS, make_rows, small_config
+from support.scale import soak_only
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.writers import ZarrWriter
@@ -529,7 +530,7 @@ def test_a_token_of_another_run_is_refused_and_the_page_says_so(
     assert all("403" in line for line in page.trouble())
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("dark", [False, *soak_only(True)], ids=["light", "dark"])
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_nothing_is_wider_than_the_window(
     page: Page, size: tuple[int, int], dark: bool, tmp_path: Path

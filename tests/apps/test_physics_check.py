@@ -127,7 +127,7 @@ def test_bounds_are_said_in_words():
     assert not both.passes
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_short_check_passes_on_this_machine():
     figures = list(check_physics(SHORT))
     assert len(figures) == 11

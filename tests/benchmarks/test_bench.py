@@ -67,7 +67,7 @@ class TestFigures:
         assert [word for word in ("met", "MISSED") if word in text] == [verdict][: bool(verdict)]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_everyone_takes_part_and_the_tape_gives_the_episodes_pictures(tmp_path: Path) -> None:
     names = ["parts", "reader", "memory"]
     names += [name for name in CONTESTANTS if name != "kuka"]  # it needs what not everyone has

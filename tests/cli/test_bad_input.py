@@ -20,6 +20,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.helpers import tree
+from support.scale import scaled
 
 from grasp_factory.__main__ import main
 from grasp_factory.apps.pictures import preview
@@ -324,7 +325,7 @@ NEARBY = ("zarr.json", "episodes/zarr.json", "episodes/status/zarr.json", "episo
           "cameras/front/rgb/zarr.json", "streams/phase/zarr.json")  # fmt: skip
 
 
-@settings(max_examples=60)
+@settings(max_examples=scaled(20, 60))
 @given(st.sampled_from(NEARBY), damages(), st.sampled_from([2, 3]))
 def test_generate_on_a_store_of_damaged_metadata_goes_on_or_refuses_it_as_it_is(
     place: Path, name: str, damage: Callable[[bytes], bytes], n: int

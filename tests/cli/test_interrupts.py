@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from support.helpers import assert_same_tree
+from support.scale import scaled
 
 from grasp_factory.cli import progress
 from grasp_factory.cli.signal_handling import RETRY_S
@@ -182,7 +183,7 @@ def test_a_run_that_is_stopped_at_random_instants_ends_in_the_same_bytes(
 ) -> None:
     chance, out, stopped = random.Random(5), tmp_path / "ds.zarr", 0
     out.mkdir()  # an empty directory is created in, piece by piece
-    for _ in range(5):
+    for _ in range(scaled(2, 5)):
         signals = chance.choice([[INT], [TERM], [INT, INT], [TERM, TERM], [TERM, INT], [INT, TERM]])
         with running(out, workers=chance.choice([1, 2])) as process:
             time.sleep(chance.uniform(0.0, 1.5))

@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 from support.elsewhere import HERE, THERE, set_texts
 from support.fake_episodes import JOINTS, make_rows, small_config
 from support.helpers import assert_same_tree, tree
+from support.scale import scaled
 from support.scenes import SMALL
 from support.stored import old_store
 
@@ -230,7 +231,7 @@ class TestPartsOfOneDataset:
         assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
     @pytest.mark.slow
-    @settings(max_examples=8)
+    @settings(max_examples=scaled(3, 8))
     @given(
         spread=st.lists(st.sets(st.integers(0, 2), max_size=3), min_size=4, max_size=4),
         order=st.permutations(range(3)),
@@ -422,7 +423,7 @@ class TestSeveralSeeds:
         assert b"secret_place" not in everything
 
     @pytest.mark.slow
-    @settings(max_examples=8)
+    @settings(max_examples=scaled(3, 8))
     @given(
         parts=st.lists(
             st.tuples(st.sampled_from([0, 5]), st.sets(st.integers(0, 2))), min_size=2, max_size=4
@@ -694,7 +695,7 @@ class TestRefusals:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(scaled(4, 12)))
 def test_a_byte_that_changed_is_refused_or_has_no_part_in_the_result(
     stores: Path, tmp_path: Path, seed: int
 ) -> None:

@@ -36,6 +36,7 @@ from support.elsewhere import HERE, THERE, move, set_attributes, set_texts
 from support.helpers import assert_same_tree, tree
 from support.places import REPOSITORY
 from support.sabotage import SABOTAGE
+from support.scale import IS_SOAK, scaled
 from support.stored import old_store
 
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -504,7 +505,7 @@ def test_a_repair_that_is_killed_loses_nothing_and_can_be_run_again(
     store: Path, tmp_path: Path
 ) -> None:
     killed_at_work = 0
-    for number in range(8):
+    for number in range(scaled(3, 8)):
         copy = Path(shutil.copytree(store, tmp_path / f"store{number}"))
         for name in ("streams/phase/0.0", "episodes/status/1", "episodes/error/1", "imu/zarr.json"):
             delete(name)(copy)
@@ -525,7 +526,7 @@ def test_a_repair_that_is_killed_loses_nothing_and_can_be_run_again(
         )  # as many blocks to a segment as here, which the command does not do
         assert_same_tree(store, copy)
         assert list(tmp_path.glob(f".*store{number}*")) == []
-    assert killed_at_work > 2
+    assert killed_at_work > 0
 
 
 class TestTheCommand:
@@ -627,7 +628,7 @@ def read_all(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
 @pytest.mark.parametrize("name", DOCUMENTS)
-@settings(max_examples=20, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=scaled(4, 20), suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_metadata_of_any_kind_is_an_error_of_ours_or_harmless(
     store: Path, scratch: Path, name: str, data: st.DataObject
@@ -658,6 +659,8 @@ def test_metadata_of_any_kind_is_mended_or_left(store: Path, tmp_path: Path, nam
     """The same for what writes; a mutation of each kind, for each is a repair."""
     whole = json.loads((store / name).read_bytes())
     documents: list[Any] = [[], {}, {**whole, "shape": [0]}, {**whole, "attributes": {}}]
+    if not IS_SOAK:
+        documents = [documents[DOCUMENTS.index(name) % len(documents)]]
     for number, wrong in enumerate(documents):
         if wrong == whole:
             continue

@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.fake_episodes import JOINTS, make_rows, small_config
 from support.helpers import assert_same_tree, tree
+from support.scale import scaled
 
 from grasp_factory.curation.merge import merge, split
 from grasp_factory.dataset.dataset import Dataset
@@ -91,7 +92,7 @@ class TestSplit:
             assert new[row].checksum() == old[i].checksum()
 
     @pytest.mark.slow
-    @settings(max_examples=6)
+    @settings(max_examples=scaled(2, 6))
     @given(data=st.data())
     def test_the_parts_give_all_rows_back(
         self, store: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

@@ -33,6 +33,7 @@ from support.damage import (
 )
 from support.elsewhere import HERE, THERE, made_there, move, set_texts
 from support.helpers import tree
+from support.scale import scaled
 from support.stored import old_store
 from zarr.codecs import GzipCodec
 
@@ -55,7 +56,7 @@ from grasp_factory.writers.zarr.column_segments import FOLDER
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
-FLIPS = 200
+FLIPS = scaled(24, 200)
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.damage import LABEL, N, change, delete, make_store, readings, same
 from support.fake_episodes import JOINTS, make_rows, small_config
+from support.scale import scaled
 
 from grasp_factory.curation.merge import split
 from grasp_factory.dataset.dataset import Dataset
@@ -231,7 +232,7 @@ def fake(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@settings(max_examples=40)
+@settings(max_examples=scaled(15, 40))
 @given(data=st.data())
 def test_whatever_byte_is_changed_an_episode_is_true_or_refused(
     fake: Path, data: st.DataObject

@@ -10,6 +10,7 @@ import time
 
 import pytest
 from support.helpers import assert_same_tree
+from support.scale import soak_only
 
 from grasp_factory.dataset.dataset import Dataset
 
@@ -32,7 +33,7 @@ def alone(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("workers", [2, 3])
+@pytest.mark.parametrize("workers", [2, *soak_only(3)])
 def test_the_number_of_workers_does_not_change_a_byte(alone, tmp_path, workers):
     generate(tmp_path / "ds.zarr", workers=workers)
     assert_same_tree(alone, tmp_path / "ds.zarr")
@@ -44,7 +45,7 @@ def test_growing_step_by_step_gives_the_bytes_of_one_run(alone, tmp_path):
     assert_same_tree(alone, tmp_path / "ds.zarr")
 
 
-@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("stop", [signal.SIGKILL, *soak_only(signal.SIGINT, signal.SIGTERM)])
 def test_a_run_that_was_stopped_is_completed_to_the_same_bytes(alone, tmp_path, stop):
     out = tmp_path / "ds.zarr"
     command = [sys.executable, "-m", "grasp_factory", "generate", "--n", str(N), "--seed", "3",

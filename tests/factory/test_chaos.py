@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.helpers import assert_same_tree
+from support.scale import scaled
 
 from grasp_factory.dataset.dataset import Dataset
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 N = 8
-RUNS = 30
+RUNS = scaled(4, 30)
 FEWER = 5
 """Of a store that is then grown: its last block is cut short."""
 COMMAND = (

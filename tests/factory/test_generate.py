@@ -15,6 +15,7 @@ import pytest
 import zarr
 from support.fake_episodes import make_episode, small_config
 from support.helpers import assert_same_tree, tree
+from support.scale import soak_only
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
@@ -198,7 +199,7 @@ class TestGrowingACutBlock:
         assert [one.index for one in made] == list(range(10, 16))
         assert summary.store.committed == 16
 
-    @pytest.mark.parametrize("writes", [0, 1, 30, 60, 75])
+    @pytest.mark.parametrize("writes", [1, 60, *soak_only(0, 30, 75)])
     def test_loses_none_on_the_way(
         self, ten: Path, monkeypatch: pytest.MonkeyPatch, writes: int
     ) -> None:

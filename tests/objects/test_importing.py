@@ -483,7 +483,7 @@ class TestNasty:
         expected = nasty_meshes.write_oddities(folder)
         check(folder, world, expected)
 
-    @pytest.mark.slow
+    @pytest.mark.soak
     @pytest.mark.timeout(900)
     def test_two_hundred_of_what_a_user_might_bring_are_used_or_refused(
         self, tmp_path: Path, world: World

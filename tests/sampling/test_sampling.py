@@ -4,12 +4,13 @@ import dataclasses
 import math
 import struct
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.scale import scaled
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
@@ -50,20 +51,20 @@ def specs(config: FactoryConfig, count: int = 40) -> list[EpisodeSpec]:
     return [sample_spec(config, index) for index in range(count)]
 
 
-def objects(config: FactoryConfig) -> list[str]:
-    return [spec.objects[0].object_id for spec in specs(config)]
+def objects(recipes: Sequence[EpisodeSpec]) -> list[str]:
+    return [spec.objects[0].object_id for spec in recipes]
 
 
-def poses(config: FactoryConfig) -> list[object]:
-    return [spec.objects[0].drop_pose for spec in specs(config)]
+def poses(recipes: Sequence[EpisodeSpec]) -> list[object]:
+    return [spec.objects[0].drop_pose for spec in recipes]
 
 
-def orientations(config: FactoryConfig) -> list[object]:
-    return [spec.objects[0].drop_pose.quat_xyzw for spec in specs(config)]
+def orientations(recipes: Sequence[EpisodeSpec]) -> list[object]:
+    return [spec.objects[0].drop_pose.quat_xyzw for spec in recipes]
 
 
-def policies(config: FactoryConfig) -> list[str]:
-    return [spec.policy for spec in specs(config)]
+def policies(recipes: Sequence[EpisodeSpec]) -> list[str]:
+    return [spec.policy for spec in recipes]
 
 
 def bits(spec: EpisodeSpec) -> bytes:
@@ -95,10 +96,10 @@ class TestSeeds:
     def test_seed_zero_is_a_seed(self) -> None:
         zero = FactoryConfig(seed=0)
         assert specs(zero) == specs(zero)
-        assert poses(zero) != poses(FactoryConfig(seed=1))
+        assert poses(specs(zero)) != poses(specs(FactoryConfig(seed=1)))
 
     def test_different_indices_differ(self) -> None:
-        assert len(set(poses(CONFIG))) == 40
+        assert len(set(poses(specs(CONFIG)))) == 40
 
     def test_different_seeds_differ(self) -> None:
         drawn = {bits(sample_spec(FactoryConfig(seed=seed), 0)) for seed in range(40)}
@@ -117,28 +118,28 @@ class TestSeeds:
         assert drawn == PINNED
 
 
-def others(config: FactoryConfig) -> list[object]:
-    return [[o.object_id for o in spec.objects[1:]] for spec in specs(config)]
+def others(recipes: Sequence[EpisodeSpec]) -> list[object]:
+    return [[o.object_id for o in spec.objects[1:]] for spec in recipes]
 
 
-def scales(config: FactoryConfig) -> list[object]:
-    return [[o.scale for o in spec.objects] for spec in specs(config)]
+def scales(recipes: Sequence[EpisodeSpec]) -> list[object]:
+    return [[o.scale for o in spec.objects] for spec in recipes]
 
 
-def colors(config: FactoryConfig) -> list[object]:
-    return [[(o.color, o.texture) for o in spec.objects] for spec in specs(config)]
+def colors(recipes: Sequence[EpisodeSpec]) -> list[object]:
+    return [[(o.color, o.texture) for o in spec.objects] for spec in recipes]
 
 
-def motions(config: FactoryConfig) -> list[object]:
-    return [spec.motion for spec in specs(config)]
+def motions(recipes: Sequence[EpisodeSpec]) -> list[object]:
+    return [spec.motion for spec in recipes]
 
 
-def surroundings(config: FactoryConfig) -> list[object]:
-    return [spec.surroundings for spec in specs(config)]
+def surroundings(recipes: Sequence[EpisodeSpec]) -> list[object]:
+    return [spec.surroundings for spec in recipes]
 
 
-def cameras(config: FactoryConfig) -> list[object]:
-    return [spec.cameras for spec in specs(config)]
+def cameras(recipes: Sequence[EpisodeSpec]) -> list[object]:
+    return [spec.cameras for spec in recipes]
 
 
 class TestStreams:
@@ -162,12 +163,12 @@ class TestStreams:
         self,
         monkeypatch: pytest.MonkeyPatch,
         stream: Stream,
-        changes: Callable[[FactoryConfig], list[object]] | None,
+        changes: Callable[[Sequence[EpisodeSpec]], list[object]] | None,
     ) -> None:
         aspects = (
             objects, orientations, policies, others, scales, colors, motions, surroundings, cameras
         )  # fmt: skip
-        before = [aspect(STRONG) for aspect in aspects]
+        recipes_before = specs(STRONG)
 
         def burnt(seed: int, index: int, of: Stream, name: str = "") -> np.random.Generator:
             rng = rng_for(seed, index, of, name)
@@ -176,26 +177,28 @@ class TestStreams:
             return rng
 
         monkeypatch.setattr(sampling, "rng_for", burnt)
-        for aspect, was in zip(aspects, before, strict=True):
+        recipes_now = specs(STRONG)
+        for aspect in aspects:
             if aspect is others and stream is Stream.OBJECTS:
                 continue  # they belong to the target's split, whichever that is
-            assert (aspect(STRONG) != was) == (aspect is changes)
+            is_other = aspect(recipes_now) != aspect(recipes_before)
+            assert is_other == (aspect is changes)
 
     def test_other_policy_weights_leave_objects_and_poses_alone(self) -> None:
         other = FactoryConfig(seed=7, policies={"top_down": 1.0})
-        assert policies(other) != policies(CONFIG)
-        assert objects(other) == objects(CONFIG)
-        assert poses(other) == poses(CONFIG)
+        assert policies(specs(other)) != policies(specs(CONFIG))
+        assert objects(specs(other)) == objects(specs(CONFIG))
+        assert poses(specs(other)) == poses(specs(CONFIG))
 
     def test_other_object_sets_leave_policies_and_orientations_alone(self) -> None:
         other = FactoryConfig(seed=7, object_sets={"classic": 1.0})
-        assert objects(other) != objects(CONFIG)
-        assert policies(other) == policies(CONFIG)
-        assert orientations(other) == orientations(CONFIG)
+        assert objects(specs(other)) != objects(specs(CONFIG))
+        assert policies(specs(other)) == policies(specs(CONFIG))
+        assert orientations(specs(other)) == orientations(specs(CONFIG))
 
     def test_another_workspace_leaves_objects_policies_and_orientations_alone(self) -> None:
         other = FactoryConfig(seed=7, workspace=WorkspaceConfig(lower=(0.3, -0.3, 0.0)))
-        assert poses(other) != poses(CONFIG)
+        assert poses(specs(other)) != poses(specs(CONFIG))
         for aspect in (objects, policies, orientations):
             assert aspect(other) == aspect(CONFIG)
 
@@ -276,7 +279,7 @@ class TestWeights:
     def test_a_weight_of_zero_is_never_drawn(self) -> None:
         for policies_ in ({"top_down": 0.0, "uniform": 1.0}, {"top_down": 1.0, "uniform": 0.0}):
             (name,) = (name for name, weight in policies_.items() if weight)
-            assert set(policies(FactoryConfig(policies=policies_))) == {name}
+            assert set(policies(specs(FactoryConfig(policies=policies_)))) == {name}
 
     def test_the_order_of_names_does_not_matter(self) -> None:
         turned = FactoryConfig(
@@ -310,7 +313,7 @@ class TestSplits:
         config = FactoryConfig(object_sets=object_sets, clutter=ClutterConfig(count=count))
         seen: dict[str, set[str]] = {"train": set(), "val": set(), "test": set()}
         for seed in (0, 1):
-            for spec in specs(dataclasses.replace(config, seed=seed), 300):
+            for spec in specs(dataclasses.replace(config, seed=seed), scaled(150, 300)):
                 seen[spec.objects[0].split] |= {recipe.object_id for recipe in spec.objects}
         assert all(seen.values())
         assert not seen["train"] & seen["test"]

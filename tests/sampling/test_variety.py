@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.helpers import assert_same_tree
+from support.scale import scaled
 from support.scenes import SMALL
 
 from grasp_factory.core.config.cameras import CAMERAS
@@ -79,10 +80,9 @@ class TestLooks:
 
 class TestDeterminism:
     def test_strong_gives_the_same_bytes_for_any_number_of_workers(self, tmp_path: Path) -> None:
-        for workers in (1, 2, 3):
+        for workers in (1, 3):
             run = [*COMMAND, *STRONG, "--n", "7", "--workers", str(workers)]
             subprocess.run([*run, "--out", str(tmp_path / f"{workers}.zarr")], check=True)
-        assert_same_tree(tmp_path / "1.zarr", tmp_path / "2.zarr")
         assert_same_tree(tmp_path / "1.zarr", tmp_path / "3.zarr")
         dataset = Dataset.open(tmp_path / "1.zarr")
         assert [i for i in range(7) if not dataset.verify(i)] == []
@@ -132,7 +132,7 @@ def _target_body(world: World) -> int:
 
 class TestClutter:
     def test_every_object_has_its_pose_label_and_share(self) -> None:
-        for episode in cluttered(10):
+        for episode in cluttered(scaled(4, 10)):
             recipes = episode.spec.objects
             assert len(recipes) == 4
             assert episode.columns["object_ids"].tolist() == [r.object_id for r in recipes]
@@ -145,7 +145,7 @@ class TestClutter:
                 assert seen == (share > 0.0)
 
     def test_the_column_of_the_target_is_the_first_object(self) -> None:
-        for episode in cluttered(10):
+        for episode in cluttered(scaled(4, 10)):
             assert episode.columns["object_id"] == episode.columns["object_ids"][0]
             if episode.n_steps:
                 lift = episode.columns["object_lift"][0]
@@ -155,7 +155,7 @@ class TestClutter:
     def test_success_is_about_the_target(self) -> None:
         outcomes = [episode.outcome for episode in cluttered(10)]
         assert Outcome.SUCCESS in outcomes
-        for episode in cluttered(10):
+        for episode in cluttered(scaled(4, 10)):
             if episode.outcome is Outcome.SUCCESS:
                 assert episode.columns["object_lift"][0] > 0.1
 
@@ -164,7 +164,7 @@ class TestClutter:
         assert np.median(np.concatenate(still)) < 0.001
 
     def test_rest_poses_are_those_of_the_first_record_where_nothing_was_touched_yet(self) -> None:
-        for episode in cluttered(10):
+        for episode in cluttered(scaled(4, 10)):
             if episode.n_steps:
                 first = episode.streams["object_pose"][0].astype(np.float64)
                 rest = episode.columns["object_rest_pose"]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.scale import scaled
 from support.scenes import SMALL, cube_spec, take_images
 from support.worlds import world_of
 
@@ -69,7 +70,7 @@ def test_table_pixels_deproject_to_the_table_top_within_a_millimetre(world, came
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(scaled(2, 6)))
 def test_a_cubes_mask_is_its_projected_outline_within_one_pixel(world, camera, seed):
     quat = np.random.default_rng(seed).normal(size=4)
     image, pose = floating_cube(world, camera, tuple(quat / np.linalg.norm(quat)))
@@ -131,7 +132,7 @@ def test_images_have_the_stated_types_and_shapes(world):
     assert (image.segmentation.dtype, image.segmentation.shape) == (np.uint8, (48, 64))
 
 
-@settings(max_examples=40)
+@settings(max_examples=scaled(10, 40))
 @given(st.integers(0, 10**6), st.sampled_from([(320, 240), (640, 480), (161, 121), (64, 48)]))
 def test_compositing_gives_the_full_render_bit_for_bit(tiny_world, seed, resolution):
     """Over robots, postures, objects, looks and cameras, resting contact and occlusion included.

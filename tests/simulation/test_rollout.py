@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pybullet
 import pytest
+from support.scale import scaled
 from support.scenes import SMALL, cube_spec, default_episodes
 
 from grasp_factory.core.config.sections import CameraConfig
@@ -113,7 +114,7 @@ class TestHonesty:
 
     def test_success_means_held_by_both_pads_ten_centimetres_up_and_through_the_shake(self):
         seen = set()
-        for episode in default_episodes(60):
+        for episode in default_episodes(scaled(25, 60)):
             streams = episode.streams
             seen.add(episode.success)
             if not episode.n_steps:
@@ -129,7 +130,7 @@ class TestHonesty:
         assert seen == {True, False}
 
     def test_labels_and_measurements_follow_from_the_stored_streams(self):
-        for episode in default_episodes(60):
+        for episode in default_episodes(scaled(25, 60)):
             if Phase.CLOSE not in episode.streams["phase"]:
                 continue
             com = np.asarray(episode.columns["object_com"])[0]
