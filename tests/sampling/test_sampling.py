@@ -200,7 +200,7 @@ class TestStreams:
         other = FactoryConfig(seed=7, workspace=WorkspaceConfig(lower=(0.3, -0.3, 0.0)))
         assert poses(specs(other)) != poses(specs(CONFIG))
         for aspect in (objects, policies, orientations):
-            assert aspect(other) == aspect(CONFIG)
+            assert aspect(specs(other)) == aspect(specs(CONFIG))
 
 
 class TestRecipe:
