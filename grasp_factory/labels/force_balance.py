@@ -1,4 +1,4 @@
-"""The hand's forces on what it holds, against Newton's laws, from recorded streams alone."""
+"""The forces of the hand on the target compared with Newton's laws, from recorded streams alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def pads_on_target(streams: Streams, com: Array, records: Indices) -> tuple[Arra
     Args:
         streams: The episode's streams.
         com: The target's centre of mass at every record of them, (T, 3) world, metres.
-        records: Those to look at, (n,).
+        records: The records to use, (n,).
     """
     tcp_pose, force, position, body, width = (
         streams[name][records]
@@ -60,7 +60,7 @@ def acceleration(com: Array, times: Array) -> Array:
 
 
 def force_residual(streams: Streams, object_com: Array, mass: float, gravity: float) -> float:
-    """Return how far the hand's force is from m (a - g), mean over the hold, of the weight m g.
+    """Return the mean error of the hand's force against m (a - g) in the hold, divided by m g.
 
     Only records at which both pads touch the target count; NaN without any.
 

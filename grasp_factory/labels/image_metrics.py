@@ -1,6 +1,6 @@
-"""What a quality score is made from, measured on the arrays of an episode.
+"""The measurements behind a quality score.
 
-All of it is read from what is stored, so that anyone can measure it again.
+They are taken from the stored arrays of an episode, so that anyone can repeat them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CLIPPED = 4
 """Grey values this close to 0 or 255 count as black or white."""
 MID_GREY = 0.5
 FAR_ROUNDING = 1e-6
-"""Relative: where nothing is seen, depth is ``far`` but for rounding."""
+"""Relative: pixels without a surface have the depth ``far``, up to this rounding error."""
 BEFORE = 0
 """The frame before the attempt."""
 
@@ -46,11 +46,11 @@ class Inspection:
 
 
 def inspect_episode(episode: Episode) -> Inspection:
-    """Measure an episode, as it was simulated or as it is read, with noise or without.
+    """Measure an episode, simulated or read from a store, with noise or without.
 
-    A poor image is not made good by that of another camera, for all are stored: of sharpness,
-    exposure, clipping and holes the worst counts. The target need only be seen by one: of
-    visibility and pixels the best counts.
+    Of sharpness, exposure, clipping and holes, the worst camera counts, because all images are
+    stored. Of the target's visibility and pixels, the best camera counts, because one that sees
+    the target is enough.
     """
     spec, cameras = episode.spec, episode.cameras
     greys = [grey(frames.rgb[BEFORE]) for frames in cameras.values()]
@@ -83,8 +83,8 @@ def grey(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def sharpness(image: NDArray[np.uint8]) -> float:
     """Return the share of the Laplacian's variance that a mean over 3 x 3 pixels takes away.
 
-    It is near 1 where edges are a pixel wide and near 0 where they are wide already, or where
-    there are none. The plain variance would say more about what is in the image, and how large.
+    It is near 1 for edges that are one pixel wide, and near 0 for wide edges or an image without
+    edges. The plain variance would depend more on the content of the image.
 
     Args:
         image: Grey values (H, W).
@@ -92,7 +92,7 @@ def sharpness(image: NDArray[np.uint8]) -> float:
     before = _laplacian_variance(image)
     if before == 0.0:
         return 0.0
-    # Rounded to 8 bits as the image is: the steps in its smooth parts would count as edges.
+    # Rounded to 8 bits like the image, so that rounding steps do not count as edges.
     blurred = np.asarray(cv2.blur(image, (3, 3)), np.uint8)
     return max(0.0, 1.0 - _laplacian_variance(blurred) / before)
 
@@ -119,10 +119,10 @@ def depth_holes(depth: NDArray[np.float32], far: float) -> float:
 
 
 def longest_gap(series: Iterable[tuple[Array, float]]) -> float:
-    """Return the longest time without a record, in periods of the series that lacks it.
+    """Return the longest time without a record, in periods of its series.
 
-    The time before a series' first record counts, and that from its last to the last of all. It
-    is infinite for a clock that does not rise, NaN without any record.
+    The times before the first record of a series and after its last one, up to the last record of
+    all series, count as well. Infinite for timestamps that do not increase, NaN without records.
 
     Args:
         series: Timestamps (n,) in seconds and rate in Hz of each.
@@ -137,7 +137,7 @@ def longest_gap(series: Iterable[tuple[Array, float]]) -> float:
 
 def _laplacian_variance(image: NDArray[np.uint8]) -> float:
     """Return the variance of the Laplacian over eight neighbours, from exact sums."""
-    # Unlike cv2.Laplacian it starts no threads, of which each worker would have some.
+    # Unlike cv2.Laplacian, this starts no threads in each worker.
     around = cv2.boxFilter(image, cv2.CV_16S, (3, 3), normalize=False)
     deviation = float(cv2.meanStdDev(around - np.int16(9) * image)[1].item())
     return deviation * deviation

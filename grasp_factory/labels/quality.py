@@ -1,7 +1,7 @@
-"""What makes a good episode: criteria with thresholds, and the score from 1 to 5 that they give.
+"""The quality score of an episode: criteria with thresholds, and the score from 1 to 5.
 
-``inspection`` measures what is compared here. Scores follow from columns alone, so that those of a
-store can be drawn again with other thresholds.
+``image_metrics`` measures the values. Scores follow from columns alone, so that the scores of a
+store can be computed again with other thresholds.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ class Criterion:
     """One column against one threshold."""
 
     group: str
-    """Criteria of a group cost a point together, however many of them are not met."""
+    """A group costs one point when any of its criteria is not met."""
     column: str
     threshold: str
     """A field of ``QualityConfig``: ``min_...`` or ``max_...``."""
 
     def is_met(self, values: ArrayLike, thresholds: QualityConfig) -> NDArray[np.bool_]:
-        """Return where it is met, shape of ``values``; NaN, where it does not apply, meets it."""
+        """Return where the criterion is met, in the shape of ``values``; NaN meets it."""
         found, bound = np.asarray(values, np.float64), getattr(thresholds, self.threshold)
         missed = found < bound if self._is_least else found > bound
         return np.asarray(~missed)
 
     def text(self, value: float, thresholds: QualityConfig) -> str:
-        """Return what was found, and what it should be."""
+        """Return the value found and the valid range."""
         word, bound = "least" if self._is_least else "most", getattr(thresholds, self.threshold)
         return f"{self.column} {value:.4g}, valid: at {word} {bound:g} ({self.threshold})"
 
@@ -68,7 +68,7 @@ CRITERIA = (
 )
 
 MEASURED = tuple(dict.fromkeys(criterion.column for criterion in CRITERIA))
-"""The columns that a score is made from."""
+"""The columns that a score depends on."""
 
 
 def quality_scores(columns: Mapping[str, Any], thresholds: QualityConfig) -> NDArray[np.uint8]:
@@ -77,7 +77,7 @@ def quality_scores(columns: Mapping[str, Any], thresholds: QualityConfig) -> NDA
     Args:
         columns: Values by column, at least those of ``MEASURED``, all of one shape: (N,) for N
             episodes, () for one.
-        thresholds: What they are compared with.
+        thresholds: Their bounds.
     """
     poor: dict[str, NDArray[np.bool_]] = {}
     for criterion in CRITERIA:
@@ -88,11 +88,11 @@ def quality_scores(columns: Mapping[str, Any], thresholds: QualityConfig) -> NDA
 
 
 def shortcomings(columns: Mapping[str, Any], thresholds: QualityConfig) -> tuple[str, ...]:
-    """Return in words each criterion that one episode's values do not meet.
+    """Return a text for each criterion that one episode does not meet.
 
     Args:
         columns: Values by column, at least those of ``MEASURED``.
-        thresholds: What they are compared with.
+        thresholds: Their bounds.
     """
     return tuple(
         criterion.text(float(columns[criterion.column]), thresholds)

@@ -1,4 +1,4 @@
-"""The label of an attempt, from recorded streams alone, so that anyone can derive it again."""
+"""The label rule: the outcome of an attempt from its recorded streams alone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FELL_OFF = -0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurements:
-    """The figures behind a label; NaN where the attempt did not come that far.
+    """The measurements behind a label; NaN if the attempt ended before that phase.
 
     Units and meanings are those of the columns of the same names (``schema.py``).
     """
@@ -63,10 +63,10 @@ def target_com(streams: Streams, object_com: Array) -> Array:
 
 
 def disturbance(streams: Streams, object_com: Array, rest_pose: Array) -> tuple[Array, Array]:
-    """Return each object's way and rise (M,), metres, NaN where there was no attempt.
+    """Return the displacement and the lift of each object (M,), metres; NaN without an attempt.
 
-    The way is that of the centre of mass from its rest to the last record; the rise is that by
-    the end of the hold, or of the attempt where it did not come that far.
+    The displacement of the centre of mass is measured from its rest to the last record. The lift
+    is its rise until the end of the hold, or of the attempt if that ended before.
 
     Args:
         streams: The episode's streams.

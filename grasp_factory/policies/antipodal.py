@@ -25,13 +25,13 @@ from grasp_factory.policies.top_down import TOP_DOWN, TopDownParameters
 CONTACTS = 150
 """Contacts that are tried on the visible surface, and as many on the walls below its outline."""
 SURFACE = 1500
-"""Points of the visible surface, and at most as many of the walls, that stand for the target."""
+"""Largest number of points of the visible surface that are used, and of its walls."""
 PAIRS = 50
 """Pairs of contacts for which poses are tried."""
 ROLLS = (0.0, 0.6, -0.6)
 """Turns about the closing axis, as shares of the widest that the tilt allows, until one fits."""
 MARGIN = 0.004
-"""Metres between the open gripper and whatever it must not touch: half a column of the solid,
+"""Metres between the open gripper and all that it must not touch: half a column of the solid,
 and what the arm may stray from its path."""
 RANKED = 8
 """Grasps that are proposed, the best first."""
@@ -92,17 +92,17 @@ def plan(view: SceneView, rng: np.random.Generator, settings: AntipodalParameter
 
 @dataclass(frozen=True, slots=True)
 class _Scene:
-    """What the images tell, and the gripper that shall go there."""
+    """The target as the images show it, and the gripper that will grasp it."""
 
     view: SceneView
     settings: AntipodalParameters
     seen: Surface
     walls: Surface
-    """Unseen: they are taken to be vertical below the outline of what is seen."""
+    """Unseen: assumed to be vertical below the outline of the visible surface."""
     obstacles: Array
     """(N, 3) metres, world: points that fill all objects."""
     centroid: Array
-    """(3,) metres, world: the target's, if it were solid below what is seen."""
+    """(3,) metres, world: the target's, if it were solid below its visible surface."""
 
     @classmethod
     def seen_in(cls, view: SceneView, settings: AntipodalParameters) -> _Scene | None:
@@ -137,7 +137,7 @@ class _Scene:
                 yield found
 
     def _aim(self) -> Array:
-        """Return the centroid, raised as far as the palm needs it above what is seen, (3,)."""
+        """Return the centroid (3,), raised until the palm is above the visible surface."""
         under_palm = (
             float(self.seen.points[:, 2].max(initial=0.0)) - self.view.gripper.palm_distance
         )

@@ -1,4 +1,4 @@
-"""What a policy is: a pure function from what is seen to ranked grasps."""
+"""The contract of a policy: a pure function from a view of the scene to ranked grasps."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Policy:
     """From a view, a random generator and an instance of ``parameters`` to ranked grasps."""
 
     def settings(self, plain: Mapping[str, Any]) -> Any:
-        """Return ``parameters`` from plain data; what is left out takes its default.
+        """Return ``parameters`` from plain data; missing keys take their defaults.
 
         Raises:
             ConfigError: naming the key, what it got and what is valid.

@@ -14,7 +14,7 @@ from grasp_factory.policies.base import TIP_CLEARANCE, downward
 from grasp_factory.policies.top_down import grasp_height
 
 POINTS = 4000
-"""Points of the target that are looked at, evenly spaced in their order."""
+"""Points of the target that are used, evenly spaced in their order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

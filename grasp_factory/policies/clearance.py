@@ -13,7 +13,7 @@ PALM_BREADTH = 0.064
 PALM_LENGTH = 0.204
 """Metres along y: as above (Panda 204 mm)."""
 PALM_DEPTH = 0.100
-"""Metres behind the palm that are looked at: the straight part of the approach sweeps as much."""
+"""Metres behind the palm that are checked: the straight part of the approach sweeps this far."""
 
 Box = tuple[Array, Array]
 """Lower and upper corner (3,), TCP frame, metres."""
@@ -35,7 +35,7 @@ def open_gripper(gripper: Gripper, width: float) -> tuple[Box, ...]:
 
 
 def is_hit(boxes: tuple[Box, ...], points: Array, margin: float) -> bool:
-    """Return whether any point (N, 3), TCP frame, lies in a box or closer to it than ``margin``."""
+    """Return whether any point (N, 3), TCP frame, is in a box or closer to it than ``margin``."""
     return any(
         bool(((points > low - margin) & (points < high + margin)).all(axis=1).any())
         for low, high in boxes

@@ -15,7 +15,7 @@ from grasp_factory.policies.surface import Surface
 PATCH_DEPTH = 0.003
 """Metres behind the foremost point that still count as touched: surfaces are seen coarsely."""
 POINT_SIZE = 0.002
-"""Metres: what one point of a surface stands for."""
+"""Metres: the size of the patch that one point of a surface represents."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Grip:
 
 
 def close_on(surface: Surface, T_world_tcp: Array, gripper: Gripper) -> Grip | None:
-    """Return what the pads meet, or None when one of them meets nothing."""
+    """Return the contacts of the pads, or None when one of them touches nothing."""
     local = apply(inverse(T_world_tcp), surface.points)
     half_breadth, half_height = gripper.pad_size[0] / 2.0, gripper.pad_size[1] / 2.0
     between = (np.abs(local[:, 0]) < half_breadth) & (np.abs(local[:, 2]) < half_height)

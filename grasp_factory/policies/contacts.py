@@ -14,14 +14,14 @@ from grasp_factory.core.linear import length, norm
 from grasp_factory.policies.surface import Surface
 
 CELL = 0.008
-"""Metres, and ``CELL_YAW_DEG`` degrees: closer pairs are alike, the better one stands for all."""
+"""Metres, and ``CELL_YAW_DEG`` degrees: of pairs that are closer than this, the best is kept."""
 CELL_YAW_DEG = 10.0
 CELL_RISE = 0.2
 """As above, for the sine of the closing axis's elevation."""
 SHORTEST = 0.004
 """Metres: contacts that lie closer together, seen from above, are one edge seen twice."""
 LEVER_SCALE = 0.03
-"""Metres that weigh as much as one radian when pairs are ranked before they are looked at."""
+"""Metres that count as much as one radian when pairs are ranked before they are checked."""
 
 
 @dataclass(frozen=True, slots=True)

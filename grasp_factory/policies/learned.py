@@ -1,4 +1,4 @@
-"""Drawn grasps in the order of a trained model: what it takes for best, or knows least about."""
+"""Random grasps, ranked by a trained model: the most probable first, or the most uncertain."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PREFERENCES: Mapping[str, Callable[[Array], Array]] = {
     "uncertain": np.abs,
     "random": np.zeros_like,
 }
-"""From log odds (K,) to what the grasps are sorted by, ascending; ties stay as they were drawn."""
+"""From log odds (K,) to sort keys, ascending; ties keep the order in which they were drawn."""
 SUREST = 13.8
 """Log odds are cut off here: a probability of one in a million is as good as none."""
 
@@ -60,7 +60,7 @@ class LearnedParameters:
 def plan(view: SceneView, rng: np.random.Generator, settings: LearnedParameters) -> GraspPlan:
     """Return drawn grasps in the order of preference; the score is the log odds to hold.
 
-    Grasps at which the gripper would meet what is seen of other objects are left out, unless all
+    Grasps at which the gripper would touch another object are left out, unless all
     are such.
 
     Raises:
@@ -94,7 +94,7 @@ def _drawn(region: Region, rng: np.random.Generator, settings: LearnedParameters
 
 
 def _free(view: SceneView, found: Candidates) -> Candidates:
-    """Return those at which the gripper meets no other object, or all if there are none."""
+    """Return the grasps that touch no other object, or all if there are no such grasps."""
     neighbors = visible_points(view, lambda labels: labels > view.target_label)[::THINNING]
     if not len(neighbors):
         return found

@@ -26,7 +26,7 @@ class MixtureParameters:
     weights: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(DIRECT, 1.0))
     """Policy name to weight."""
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Policy name to settings of its own; what is left out takes the policy's default."""
+    """Policy name to its own settings; missing keys take the policy's defaults."""
 
     def __post_init__(self) -> None:
         for name in self.weights:

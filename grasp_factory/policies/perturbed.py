@@ -1,4 +1,4 @@
-"""Another policy's grasps with noise on their poses: hard negatives, close to what would hold."""
+"""Another policy's grasps with noise on their poses: hard negatives, close to grasps that hold."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PerturbedParameters:
     base: str = "top_down"
     """The policy whose grasps are perturbed."""
     base_parameters: Mapping[str, Any] = field(default_factory=dict)
-    """Its settings; what is left out takes its default."""
+    """Its settings; missing keys take their defaults."""
     position_sigma: float = 0.01
     """Standard deviation of the TCP's position along each axis, metres."""
     rotation_sigma_deg: float = 10.0

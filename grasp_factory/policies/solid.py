@@ -1,4 +1,4 @@
-"""What fills the space on the table, as far as images tell: columns below what is seen."""
+"""The occupied space on the table, estimated from images: columns below the visible surfaces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one depth image tells about the target's surface: points with normals, and its outline."""
+"""The target's surface in one depth image: points with normals, and its outline."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ BEND = 0.005
 """Metres by which a pixel's depth may miss the mean of its neighbours on a smooth surface; a plane
 seen at a glancing angle misses by nothing, however steep it is."""
 JUMP = 0.010
-"""Metres of depth between neighbouring pixels that part the target from what lies behind it."""
+"""Metres of depth between neighbouring pixels that separate the target from its background."""
 SOFTENING = 3
 """Pixels to either side over which the outline is smoothed before its direction is taken."""
 WALL_STEP = 0.005
 """Metres between the points of a wall, one above the other."""
 LEAST_SLOPE = 0.2
-"""An outline whose normal has a shorter horizontal part says nothing about a wall below it."""
+"""An outline whose normal has a shorter horizontal part has no wall below it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ OFFSETS = (-0.02, -0.01, 0.0, 0.01, 0.02)
 RANKED = 8
 """Grasps that are proposed, the best first."""
 THINNING = 7
-"""One in so many visible points of other objects is looked at; they lie some 1 mm apart."""
+"""One in so many visible points of other objects is checked; points are about 1 mm apart."""
 CLEARANCE = 0.003
 """Metres that the gripper shall keep from them."""
 
@@ -51,7 +51,7 @@ class TopDownParameters:
 def plan(view: SceneView, rng: np.random.Generator, settings: TopDownParameters) -> GraspPlan:
     """Return downward grasps, those first that span little and lie near the target's middle.
 
-    Grasps at which the gripper would meet what is seen of other objects come last.
+    Grasps at which the gripper would touch a visible point of another object come last.
 
     The target's visible points are cut into strips as wide as a finger; a strip's extent along
     the closing direction is what the gripper must span there.

@@ -66,7 +66,7 @@ class RobotModel:
         return folder_of("pybullet_data") / self.urdf
 
     def facts(self) -> dict[str, Any]:
-        """Return what a reader of the data must know, as plain values for the store."""
+        """Return the facts that a reader of the data needs, as plain values for the store."""
         return {
             "name": self.name,
             "description": self.description,

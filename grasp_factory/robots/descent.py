@@ -23,7 +23,7 @@ _MAX_ITERATIONS = 60
 # loses rank (Fan & Yuan, Computing 74, 2005); any constant floor above 1e-8 stalls there.
 _DAMPING_PER_SQUARED_ERROR = 0.1
 _DAMPING_FLOOR = 1e-10
-_MAX_ITERATION_STEP = 1.0  # rad; farther than this the linearisation says nothing
+_MAX_ITERATION_STEP = 1.0  # rad; the linearisation is wrong beyond this
 _HALF_TURN = 1e-12  # of 4 cos2 of half the angle: nearer to half a turn the axis has another sign
 _STALL_ITERATIONS = 8  # a start that has not halved its squared error in these is given up
 
@@ -39,7 +39,7 @@ class Descent(NamedTuple):
 def descend(chain: Chain, T_goal: Array, starts: Array, *, enough: int) -> Descent:
     """Improve the starts (B, n) until ``enough`` of them are solutions or none gets better.
 
-    The goal is one (4, 4) for all, or one for each of them (B, 4, 4).
+    The goal is one pose (4, 4) for all starts, or one for each start (B, 4, 4).
     """
     goals = np.broadcast_to(T_goal, (len(starts), 4, 4))
     q = np.clip(starts, chain.lower, chain.upper)
@@ -80,7 +80,7 @@ def damped_step(chain: Chain, q: Array, J: Array, error: Array, squares: Array) 
 
 
 def pose_errors(T: Array, T_goal: Array) -> Array:
-    """Return what is missing from T (B, 4, 4) to the goal, (B, 6) in base axes.
+    """Return the remaining error from T (B, 4, 4) to the goal, (B, 6) in base axes.
 
     The translation, then the axis of the rotation times twice the sine of half its angle, which is
     the angle where it is small.

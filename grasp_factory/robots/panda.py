@@ -11,7 +11,7 @@ PANDA = RobotModel(
     name="panda",
     description="Franka Emika Panda with the Franka Hand (80 mm, up to 70 N)",
     urdf="franka_panda/panda.urdf",
-    # The file says 0.1 kg m2 for every link, fingers of 0.1 kg too: shapes are closer to truth.
+    # The file has 0.1 kg m2 for every link, also for a finger: the shapes give better values.
     file_inertia=False,
     base_link="panda_link0",
     tcp_link="panda_grasptarget",
@@ -23,7 +23,7 @@ PANDA = RobotModel(
     first_tool_link="panda_hand",
     tool_mass=1.01,
     tool_com=(0.0, 0.0, 0.04760397),
-    # The "ready" posture of Franka's own examples, which looks down from (0.31, 0, 0.49).
+    # The "ready" posture of Franka's own examples, with the TCP at (0.31, 0, 0.49), pointing down.
     home=(0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4),
     # Franka Control Interface documentation, limits for Panda: rad/s and N m.
     joint_velocity_limits=(2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),

@@ -28,7 +28,7 @@ def plan_shake(
 
     Args:
         chain: The arm.
-        posture: Where it stands, (J,) rad.
+        posture: Its joint positions, (J,) rad.
         level: Peak acceleration in units of standard gravity.
         shake: Its settings.
         rates: Physics and control rate, Hz.

@@ -1,4 +1,4 @@
-"""Draws what ``randomize`` allows: looks, cameras, bodies, motions. Pure, one function each."""
+"""Domain randomization: appearance, cameras, bodies, motions. Pure, one function each."""
 
 from __future__ import annotations
 
@@ -93,12 +93,12 @@ def draw_cameras(
     cameras: Mapping[str, CameraConfig],
     rng_of: Callable[[str], np.random.Generator],
 ) -> dict[str, CameraConfig]:
-    """Draw where each camera stands, in the order of their names.
+    """Draw the pose of each camera, in the order of their names.
 
     Args:
         jitter: How far they move.
         cameras: By name.
-        rng_of: From a camera's name to where its chance comes from, so that one more camera
+        rng_of: From a camera's name to its random generator, so that one more camera
             leaves the others where they are.
     """
     return {name: _moved(jitter, cameras[name], rng_of(name)) for name in sorted(cameras)}

@@ -44,9 +44,9 @@ def place_target(workspace: WorkspaceConfig, corners: Array, rng: np.random.Gene
     """Draw a pose with uniform orientation whose bounding box hangs above the table.
 
     Args:
-        workspace: Where to; its middle lies inside the workspace's margin.
+        workspace: The target is dropped above it, inside of its margin.
         corners: Of the object's bounding box, (8, 3) metres, object frame.
-        rng: Where chance comes from.
+        rng: Random generator.
     """
     quat = _draw_quat(rng)
     lower = np.array(workspace.lower[:2]) + workspace.margin
@@ -64,14 +64,14 @@ def place_around(
     """Return poses for all objects, the target first, such that none touches another.
 
     The target stays where it is. The others hang within ``radius`` metres of it and inside the
-    workspace's margin, beside what is there already or above it.
+    workspace's margin, next to the objects that are there or above them.
 
     Args:
         target: The target as if it were alone.
         workspace: As for ``place_target``.
         radius: Metres.
         others: Corners (8, 3) of each other object's bounding box, object frame, metres.
-        rng: Where chance comes from.
+        rng: Random generator.
     """
     middle = (target.lower[:2] + target.upper[:2]) / 2.0
     low = np.array(workspace.lower[:2]) + workspace.margin

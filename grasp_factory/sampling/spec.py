@@ -31,7 +31,7 @@ NEIGHBOR_TRIES = 200
 class Stream(IntEnum):
     """One random stream per purpose: a draw added to one does not shift the others.
 
-    The values are part of what a seed means: append, never reorder.
+    The values are part of the meaning of a seed: append, never reorder.
     """
 
     OBJECTS = 0
@@ -45,12 +45,13 @@ class Stream(IntEnum):
     MOTION = 7
     SURROUNDINGS_CHOICE = 8
     SURROUNDINGS = 9
-    """Table, floor and light. It and the next hang on the surroundings' number, not the index."""
+    """Table, floor and light. This stream and CAMERAS are keyed by the surroundings' id, not by the
+    episode's index."""
     CAMERAS = 10
 
 
 def rng_for(seed: int, index: int, stream: Stream, name: str = "") -> np.random.Generator:
-    """Return the generator of one purpose in one episode; it depends on nothing else.
+    """Return the random generator of one purpose in one episode; it depends on nothing else.
 
     Args:
         seed: Of the dataset.
@@ -106,7 +107,7 @@ def sample_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
 
 
 def _sample_objects(config: FactoryConfig, index: int) -> tuple[ObjectSpec, ...]:
-    """Draw the objects; the target and its place are the same whatever lies around it."""
+    """Draw the objects; clutter does not change the target or its pose."""
     others = rng_for(config.seed, index, Stream.CLUTTER)
     drawn = [_draw_model(config, rng_for(config.seed, index, Stream.OBJECTS))]
     for _ in range(1, config.clutter.count):

@@ -1,4 +1,4 @@
-"""Small networks that say whether a grasp will hold: their inputs, weights and predictions.
+"""Small networks that predict whether a grasp will hold: their inputs, weights and predictions.
 
 A new kind of input is a function in ``inputs.py`` and a trunk in ``nets.py``; a new network that
 looks at other inputs is one row of ``KINDS``. Importing this package does not import torch.

@@ -29,7 +29,7 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "touch": (TOUCH,),
     "both": (IMAGE, WIDTH, TOUCH),
 }
-"""Kind of network to what it looks at."""
+"""Kind of network to the names of its inputs."""
 
 DEEPEST = 0.1
 """Metres above and below the TCP at which heights are cut off: twice a pad's length."""
@@ -95,7 +95,7 @@ def touch_of(streams: Mapping[str, NDArray[Any]], window: TouchWindow) -> NDArra
 
 
 def grasp_inputs(view: SceneView, T_world_tcp: Array, widths: Array, shape: CropShape) -> Inputs:
-    """Return what ``vision`` looks at for grasps that are planned, from all cameras of a view.
+    """Return the inputs of ``vision`` for planned grasps, from all cameras of a view.
 
     Args:
         view: What is seen.

@@ -1,4 +1,4 @@
-"""A network of known weights: its answers tell whether this machine's kernels are exact enough."""
+"""A network of known weights: its answers show whether this machine's kernels are exact enough."""
 
 # ruff: noqa: PLC0415
 
@@ -16,7 +16,7 @@ KIND = "vision"
 SIDE = 16
 """Pixels."""
 ROUNDS = 4
-"""Chunks of grasps that it is asked about."""
+"""Chunks of grasps that it scores."""
 
 
 def known_log_odds() -> Array:

@@ -23,7 +23,7 @@ LONGEST_HEADER = 2**20
 
 
 def save_model(model: GraspModel) -> bytes:
-    """Return the file of a model; equal models give equal bytes."""
+    """Return the file of a model; equal models have equal bytes."""
     require("torch", "safetensors", extra="train")
     from safetensors.torch import save
 
@@ -81,7 +81,7 @@ def load_model(data: bytes, kind: str = "vision") -> GraspModel:
 
 
 def _header(data: bytes) -> Mapping[str, Any]:
-    """Return our part of a file's header: its first 8 bytes say how long that is, then JSON.
+    """Return our part of a file's header: its first 8 bytes are its length, then comes JSON.
 
     Raises:
         UsageError: if there is none of a known format.

@@ -1,4 +1,4 @@
-"""A trained network with what is needed to ask it: the probability that a grasp holds."""
+"""A trained network that predicts the probability that a grasp holds."""
 
 # ruff: noqa: PLC0415
 
@@ -55,7 +55,7 @@ class GraspModel:
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """Names of the inputs that it looks at."""
+        """Names of its inputs."""
         return KINDS[self.kind]
 
     def raw_logits(self, inputs: Inputs) -> Array:

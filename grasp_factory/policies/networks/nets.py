@@ -1,4 +1,4 @@
-"""The networks: a trunk for each input, and a head over what they found."""
+"""The networks: a trunk for each input, and a head over their features."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _convolution(ins: int, outs: int, kernel: int = 3, stride: int = 1) -> Seque
 
 
 def _image_trunk(size: int) -> nn.Module:
-    """Return (K, 3, S, S) to (K, 64); where things are matters, so nothing is averaged away."""
+    """Return (K, 3, S, S) to (K, 64); positions matter, so there is no average pooling."""
     side = -(-size // 8)
     first, second, third = CHANNELS
     return nn.Sequential(
