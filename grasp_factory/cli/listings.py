@@ -1,4 +1,4 @@
-"""The commands that list what can be named: robots, policies, cameras, sets of objects."""
+"""The commands that list what there is: robots, policies, cameras, sensors, sets of objects."""
 
 # ruff: noqa: PLC0415
 
@@ -17,11 +17,11 @@ from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE
 
 
 class TableRow(Protocol):
-    """A row of a table: it says in a line what it is."""
+    """A row of a table, with a description of one line."""
 
     @property
     def description(self) -> str:
-        """What a reader of the list is told."""
+        """Text for the list."""
 
 
 @click.command()
@@ -80,9 +80,16 @@ def _cameras() -> Mapping[str, TableRow]:
     return CAMERAS
 
 
+def _sensors() -> Mapping[str, TableRow]:
+    from grasp_factory.core.sensors import SENSORS
+
+    return SENSORS
+
+
 robots = listing("robots", "List the robots.", _robots)
 policies = listing("policies", "List the policies, which choose grasps from images.", _policies)
 cameras = listing("cameras", "List the cameras that have names.", _cameras)
+sensors = listing("sensors", "List the sensors that record during an attempt.", _sensors)
 
 
 def _print_table(rows: Mapping[str, TableRow], *, as_json: bool) -> None:

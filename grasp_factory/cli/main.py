@@ -19,7 +19,7 @@ from grasp_factory.cli.export import export
 from grasp_factory.cli.generate import generate
 from grasp_factory.cli.index import index, query
 from grasp_factory.cli.info import info
-from grasp_factory.cli.listings import cameras, objects, policies, robots
+from grasp_factory.cli.listings import cameras, objects, policies, robots, sensors
 from grasp_factory.cli.merge import merge, split
 from grasp_factory.cli.params import Commands
 from grasp_factory.cli.pictures import plot, preview, sheet
@@ -30,7 +30,9 @@ from grasp_factory.cli.tag import tag, tags
 from grasp_factory.cli.train import learning_curve, train
 
 COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
-    "Make a dataset": (generate, preview, objects, robots, policies, cameras, check_physics),
+    "Make a dataset": (
+        *(generate, preview, objects, robots, policies, cameras, sensors, check_physics),
+    ),
     "Look at a dataset": (info, sheet, plot, browse, replay, rerun_, card),
     "Select and annotate episodes": (index, query, tag, tags),
     "Check and change a dataset": (verify, repair, relabel, merge, split, export),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,11 @@ from grasp_factory.core.enums import Outcome
 from grasp_factory.core.geometry import Array, Pose
 from grasp_factory.core.gripper import Gripper
 from grasp_factory.core.schema import FIELDS
+from grasp_factory.core.sensors import series_groups
 from grasp_factory.core.serialization import from_plain, to_plain
 
 Streams = Mapping[str, NDArray[Any]]
-"""Time series by name, each (samples, ...)."""
+"""Time series with one clock, by name, each (samples, ...)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +47,9 @@ class ObjectSpec:
     lateral_friction: float
     """Coulomb coefficient; the pair's value is the product with the other body's."""
     drop_pose: Pose
-    """Pose of the object's own frame in the world when it is let go."""
+    """Pose of the object's own frame in the world when it starts to fall."""
     folder_sha256: str = ""
-    """For an object of a user's folder: the digest of its contents; empty for what is shipped."""
+    """For an object of a user's folder: the digest of its contents; empty for built-in objects."""
     scale: float = 1.0
     """Factor on the model's size."""
     linear_damping: float = 0.0
@@ -57,12 +58,12 @@ class ObjectSpec:
     color: Color | None = None
     """None for the model's own."""
     texture: str = ""
-    """An id of ``textures``; empty for the model's own look."""
+    """An id of ``textures``; empty for the model's own appearance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeSpec:
-    """The complete recipe of one episode: running it gives the episode again, byte for byte."""
+    """The complete recipe of one episode: running it makes the same episode, byte for byte."""
 
     index: int
     seed: int
@@ -86,6 +87,11 @@ class EpisodeSpec:
     label: LabelConfig
     quality: QualityConfig
 
+    @property
+    def imu_rate(self) -> int:
+        """Rate of the IMU, Hz, under the name that a config has for it."""
+        return self.imu_hz
+
     def to_json(self) -> str:
         """Return the spec as canonical JSON."""
         return json.dumps(to_plain(self), sort_keys=True, separators=(",", ":"))
@@ -102,7 +108,7 @@ class EpisodeSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraImage:
-    """What one camera sees at one instant."""
+    """One camera's images of one instant."""
 
     rgb: NDArray[np.uint8]
     """(H, W, 3)."""
@@ -118,7 +124,7 @@ class CameraImage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneView:
-    """All that a policy may know: plain arrays, never the simulator."""
+    """Everything that a policy may use: plain arrays, never the simulator."""
 
     images: Mapping[str, CameraImage]
     joint_positions: Array
@@ -143,7 +149,7 @@ class Grasp:
     score: float = 0.0
     """The policy's own figure of merit; higher is better."""
     proposer: str = ""
-    """The policy that thought of it, where that is not the one that was asked."""
+    """The policy that proposed it, if that is not the episode's policy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,18 +186,33 @@ class Episode:
     columns: Mapping[str, Any]
     """The row's other scalars and small arrays, by the store's column name (``schema.py``)."""
     cameras: Mapping[str, CameraFrames]
-    streams: Mapping[str, NDArray[Any]]
-    """Time series by name, each (n_steps, ...), unpadded."""
-    imu: Mapping[str, NDArray[Any]]
-    """The IMU's time series, each (n_imu, ...), at their own rate, unpadded."""
-    videos: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    """``timestamp`` (n_video,), and for each camera ``<name>/rgb`` and ``<name>/T_world_camera``,
-    (n_video, ...); empty where none was asked for."""
+    streams: Streams
+    """The time series of the records, each (n_steps, ...), unpadded."""
+    own_rate: Mapping[str, Streams]
+    """Time series at their own rate, by their group in the store (``sensors.py``), unpadded."""
 
     @property
     def success(self) -> bool:
-        """True when physics vouches for the grasp."""
+        """True if the object was held through lift, hold and shake."""
         return self.outcome is Outcome.SUCCESS
+
+    @property
+    def imu(self) -> Streams:
+        """The IMU's time series, each (n_imu, ...), and ``T_tcp_imu`` (4, 4)."""
+        return self.own_rate["imu"]
+
+    @property
+    def videos(self) -> Streams:
+        """The videos' series, each (n_video, ...); empty for a recipe without video.
+
+        They are ``timestamp``, and for each camera ``<name>/rgb`` and ``<name>/T_world_camera``.
+        """
+        return self.own_rate.get("videos", {})
+
+    @property
+    def series(self) -> Mapping[str, Streams]:
+        """All time series, by their group in the store; ``streams`` comes first."""
+        return {"streams": self.streams, **self.own_rate}
 
     @property
     def n_steps(self) -> int:
@@ -208,23 +229,23 @@ class Episode:
         out: dict[str, NDArray[Any]] = {
             "episodes/success": np.asarray(self.success),
             "episodes/outcome": np.asarray(int(self.outcome), np.uint8),
-            "episodes/n_steps": np.asarray(self.n_steps, np.int32),
-            "episodes/n_imu": np.asarray(self.n_imu, np.int32),
             "episodes/spec": np.asarray(self.spec.to_json()),
             "episodes/seed": np.asarray(self.spec.seed, np.int64),
             "episodes/index": np.asarray(self.spec.index, np.int64),
         }
-        if self.videos:
-            out["episodes/n_video"] = np.asarray(len(self.videos["timestamp"]), np.int32)
+        series = self.series
+        for group in series_groups():
+            if group.name in series:
+                samples = len(series[group.name]["timestamp"])
+                out[group.length_column] = np.asarray(samples, np.int32)
         for name, value in self.columns.items():
             path = f"episodes/{name}"
             out[path] = np.asarray(value, _COLUMN_DTYPES.get(path))
         for camera, frames in self.cameras.items():
             for name in frames.__slots__:
                 out[f"cameras/{camera}/{name}"] = getattr(frames, name)
-        series_of = (("streams", self.streams), ("imu", self.imu), ("videos", self.videos))
-        for group, series in series_of:
-            out |= {f"{group}/{name}": values for name, values in series.items()}
+        for name, arrays in series.items():
+            out |= {f"{name}/{array}": values for array, values in arrays.items()}
         return out
 
     def checksum(self) -> str:

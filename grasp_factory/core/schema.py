@@ -1,88 +1,52 @@
 """The one table of the store: every array with its dimensions, type, unit, frame and meaning.
 
-Writers, the reader, the checks and the README's table all follow it.
+Writers, the reader, the checks and the README's table follow it. The arrays of sensors are declared
+in ``sensors.py``.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import Any
-
-import numpy as np
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.enums import Label, Outcome, Phase, label_names, names
+from grasp_factory.core.enums import Outcome, label_names, names
+from grasp_factory.core.field import LABELS, Field
+from grasp_factory.core.field import field as _f
+from grasp_factory.core.sensors import (
+    MAX_CONTACTS,
+    SENSORS,
+    STREAMS,
+    SeriesGroup,
+    series_groups,
+)
+
+__all__ = [
+    "CHECKSUM",
+    "DIGESTS",
+    "ERROR",
+    "FIELDS",
+    "FINGERPRINT",
+    "FORMAT",
+    "FORMAT_VERSION",
+    "MAX_CONTACTS",
+    "NOT_IN_AN_EPISODE",
+    "STATUS",
+    "Field",
+    "digested",
+    "dimension_names",
+    "expand",
+    "markdown_table",
+    "shape",
+    "sizes",
+]
 
 FORMAT = "grasp-factory"
 FORMAT_VERSION = 1
 
-LENGTH_COLUMNS: Mapping[str | int, str] = {
-    "T": "episodes/n_steps",
-    "U": "episodes/n_imu",
-    "V": "episodes/n_video",
-}
-"""By a time series' first dimension: the column that holds its valid length."""
-MAX_CONTACTS = 12
-"""Contact points kept per pad and record; the strongest stay when there are more."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Field:
-    """One array of the store; its first dimension, N, is the episode."""
-
-    path: str
-    """``{camera}`` stands for each camera's name."""
-    dims: tuple[str | int, ...]
-    """Dimensions after N; a letter is looked up in ``sizes``."""
-    dtype: str
-    """A numpy dtype, or ``string``."""
-    units: str = ""
-    frame: str = ""
-    description: str
-    names: tuple[str, ...] = ()
-    """For coded values: the word whose position is the value."""
-    empty: int = 0
-    """What an integer array holds where nothing was recorded, if 0 would be taken for a word."""
-    gaps: bool = False
-    """NaN stands for nothing here, among what was recorded; no other array may have it there."""
-
-    @property
-    def fill(self) -> Any:
-        """What an array holds where nothing was recorded."""
-        if self.dtype == "string":
-            return ""
-        if self.dtype == "bool":
-            return False
-        return float("nan") if np.dtype(self.dtype).kind == "f" else self.empty
-
-    @property
-    def length_column(self) -> str:
-        """For time series, which are padded: the column that holds the valid length; else ''."""
-        return LENGTH_COLUMNS.get(self.dims[0], "") if self.dims else ""
-
-    @property
-    def is_image(self) -> bool:
-        """True for arrays with a frame per chunk."""
-        return "H" in self.dims
-
-    @property
-    def is_video(self) -> bool:
-        """True for images that are a time series: each episode of them is a file of its own."""
-        return self.is_image and bool(self.length_column)
-
-
-def _f(path: str, dims: tuple[str | int, ...], dtype: str, description: str, **more: Any) -> Field:
-    return Field(path=path, dims=dims, dtype=dtype, description=description, **more)
-
-
-_OUTCOMES, _PHASES, _LABELS = (tuple(names(w)) for w in (Outcome, Phase, Label))
+_OUTCOMES = tuple(names(Outcome))
 _STATUS = ("missing", "committed", "quarantined")
-_PAD = "pad: origin at the pad's centre, axes parallel to the TCP frame's"
-_IMU = "imu: at the wrist flange, axes parallel to the TCP frame's"
-_SENSOR = "ft_sensor: at the wrist flange, axes parallel to the TCP frame's"
 
 STATUS = _f("episodes/status", (), "uint8", "commit marker, written last", names=_STATUS)
 CHECKSUM = _f("episodes/checksum", (), "string", "SHA-256 over the episode's contents")
@@ -97,7 +61,19 @@ FINGERPRINT = _f(
 )
 ERROR = _f("episodes/error", (), "string", "why the episode is quarantined")
 NOT_IN_AN_EPISODE = (STATUS.path, CHECKSUM.path, DIGESTS.path, FINGERPRINT.path, ERROR.path)
-"""Arrays that say something about an episode's contents, and are none of them."""
+"""Arrays about an episode's contents that are not part of them."""
+
+
+def _length(group: SeriesGroup) -> Field:
+    return _f(group.length_column, (), "int32", f"valid length of {group.title}")
+
+
+def _fields_of(group: SeriesGroup) -> Iterator[Field]:
+    """Yield the fields of all sensors of a group."""
+    for model in SENSORS.values():
+        if model.group == group:
+            yield from model.fields
+
 
 FIELDS: tuple[Field, ...] = (
     STATUS,
@@ -113,9 +89,7 @@ FIELDS: tuple[Field, ...] = (
        empty=-1),
     _f("episodes/index", (), "int64", "index of the recipe under that seed; in a store that"
        " generate made it is the row's number", empty=-1),
-    _f("episodes/n_steps", (), "int32", "valid length of the streams"),
-    _f("episodes/n_imu", (), "int32", "valid length of the IMU's series"),
-    _f("episodes/n_video", (), "int32", "valid length of the videos, where there are any"),
+    *(_length(group) for group in series_groups()),
     _f("episodes/object_id", (), "string", "target object"),
     _f("episodes/object_set", (), "string", "set that the target comes from"),
     _f("episodes/object_family", (), "string", "kind of shape of the target: box, mug, blob"),
@@ -168,7 +142,7 @@ FIELDS: tuple[Field, ...] = (
     _f("episodes/table_penetration", (), "float64",
        "deepest overlap of the robot and the table in the attempt", units="m"),
     _f("episodes/collision_body", (), "uint8", "what was touched, for outcome collision",
-       names=_LABELS),
+       names=LABELS),
     _f("episodes/quality", (), "uint8", "score from 1 to 5, the best, by the config's thresholds"),
     _f("episodes/sharpness", (), "float64",
        "share of the Laplacian's variance that a blur of 3 x 3 pixels takes; worst image before"),
@@ -186,69 +160,24 @@ FIELDS: tuple[Field, ...] = (
        gaps=True),
     _f("cameras/{camera}/rgb", (2, "H", "W", 3), "uint8", "frame 0 before, 1 after"),
     _f("cameras/{camera}/depth", (2, "H", "W"), "float32", "along the optical axis", units="m"),
-    _f("cameras/{camera}/segmentation", (2, "H", "W"), "uint8", "scene labels", names=_LABELS),
+    _f("cameras/{camera}/segmentation", (2, "H", "W"), "uint8", "scene labels", names=LABELS),
     _f("cameras/{camera}/intrinsics", (3, 3), "float64", "K, integer coordinates at pixel samples",
        units="px"),
     _f("cameras/{camera}/T_world_camera", (2, 4, 4), "float64",
        "camera pose at each frame, OpenCV axes", units="m", frame="world"),
     _f("cameras/{camera}/visibility", (2, "M"), "float32",
        "share of each object's pixels in the image that nothing hides"),
-    _f("streams/timestamp", ("T",), "float64", "simulation time since the arm started", units="s"),
-    _f("streams/phase", ("T",), "uint8", "part of the attempt", names=_PHASES, empty=255),
-    _f("streams/shake_level", ("T",), "float64", "level of the shake, 0 outside of it",
-       units="9.80665 m/s2"),
-    _f("streams/joint_positions", ("T", "J"), "float32", "measured", units="rad"),
-    _f("streams/joint_velocities", ("T", "J"), "float32", "measured", units="rad/s"),
-    _f("streams/joint_torques", ("T", "J"), "float32", "applied by the motors", units="N m"),
-    _f("streams/joint_position_targets", ("T", "J"), "float32", "commanded", units="rad"),
-    _f("streams/gripper_width", ("T",), "float32", "distance between the pads", units="m"),
-    _f("streams/gripper_width_target", ("T",), "float32", "commanded", units="m"),
-    _f("streams/gripper_force", ("T",), "float32", "closing force of a finger's motor, mean of two",
-       units="N"),
-    _f("streams/tcp_pose", ("T", 7), "float32", "position (m) and quat_xyzw", frame="world"),
-    _f("streams/object_pose", ("T", "M", 7), "float32", "position (m) and quat_xyzw of each object",
-       frame="world"),
-    _f("streams/tactile_wrench", ("T", 2, 6), "float32",
-       "contact wrench of the world on each pad (left, right): force N, torque N m", frame=_PAD),
-    _f("streams/tactile_position", ("T", 2, "P", 3), "float32", "contact points", units="m",
-       frame=_PAD, gaps=True),
-    _f("streams/tactile_force", ("T", 2, "P", 3), "float32", "force on the pad at each point",
-       units="N", frame=_PAD, gaps=True),
-    _f("streams/tactile_normal", ("T", 2, "P", 3), "float32",
-       "unit contact normal, pointing into the pad", frame=_PAD, gaps=True),
-    _f("streams/tactile_depth", ("T", 2, "P"), "float32",
-       "overlap at each point (negative: a gap that closed in the step)", units="m", gaps=True),
-    _f("streams/tactile_body", ("T", 2, "P"), "uint8", "what touches at each point", names=_LABELS),
-    _f("streams/hand_force", ("T", 3), "float32",
-       "force on the target of the robot's links other than the pads: palm, finger sides",
-       units="N", frame="world"),
-    _f("streams/wrist_wrench", ("T", 6), "float32",
-       "load on the flange sensor: tool weight, inertia and contacts; force N, torque N m",
-       frame=_SENSOR),
-    _f("streams/reward", ("T",), "float32", "1 on the last record of a success, else 0"),
-    _f("imu/timestamp", ("U",), "float64", "simulation time, the streams' clock", units="s"),
-    _f("imu/specific_force", ("U", 3), "float32",
-       "acceleration less gravity, mean since the sample before; at rest 9.81 upwards",
-       units="m/s2", frame=_IMU),
-    _f("imu/angular_velocity", ("U", 3), "float32", "of the wrist", units="rad/s", frame=_IMU),
-    _f("imu/T_tcp_imu", (4, 4), "float64", "where the IMU sits in the hand", units="m",
-       frame="tcp"),
-    _f("videos/timestamp", ("V",), "float64", "simulation time, the streams' clock (--video-hz)",
-       units="s"),
-    _f("videos/{camera}/rgb", ("V", "H", "W", 3), "uint8", "the attempt, frame by frame"),
-    _f("videos/{camera}/T_world_camera", ("V", 4, 4), "float64",
-       "camera pose at each frame, OpenCV axes", units="m", frame="world"),
+    *_fields_of(STREAMS),
+    STREAMS.series("reward", (), "float32", "1 on the last record of a success, else 0"),
+    *(row for group in series_groups() if group is not STREAMS for row in _fields_of(group)),
 )  # fmt: skip
 
 
 def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
     """Return the length of each lettered dimension for a config and a robot's joint count."""
     width, height = config.resolution
-    return {
-        "T": config.longest_attempt,
-        "U": config.longest_attempt * config.imu_rate // config.record_hz,
+    return {group.dim: group.longest(config) for group in series_groups()} | {
         "J": joints,
-        "V": config.longest_video,
         "M": config.clutter.count,
         "A": len(digested(config)),
         "P": MAX_CONTACTS,
@@ -258,8 +187,9 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
 
 
 def expand(config: FactoryConfig) -> tuple[Field, ...]:
-    """Return the fields of a config's store, with one row per camera."""
-    return _expand(tuple(config.cameras), config.clutter.count, bool(config.video_hz))
+    """Return the fields of a config's store, one for each camera, without groups of rate 0."""
+    absent = tuple(group for group in series_groups() if not group.rate(config))
+    return _expand(tuple(config.cameras), config.clutter.count, absent)
 
 
 def digested(config: FactoryConfig) -> tuple[str, ...]:
@@ -268,18 +198,36 @@ def digested(config: FactoryConfig) -> tuple[str, ...]:
 
 
 @lru_cache
-def _expand(cameras: tuple[str, ...], objects: int, has_videos: bool) -> tuple[Field, ...]:
+def _expand(
+    cameras: tuple[str, ...], objects: int, absent: tuple[SeriesGroup, ...]
+) -> tuple[Field, ...]:
     labels = tuple(label_names(objects))
     out: list[Field] = []
     for camera in ("", *cameras):
         for row in FIELDS:
-            if "n_video" in row.path + row.length_column and not has_videos:
+            if any(_is_of(row, group) for group in absent):
                 continue
             if ("{camera}" in row.path) is bool(camera):
-                words = labels if row.names == _LABELS else row.names
+                words = labels if row.names == LABELS else row.names
                 path = row.path.format(camera=camera)
                 out.append(dataclasses.replace(row, path=path, names=words))
     return tuple(out)
+
+
+def _is_of(row: Field, group: SeriesGroup) -> bool:
+    return row.path == group.length_column or row.path.startswith(f"{group.name}/")
+
+
+def dimension_names() -> Mapping[str, str]:
+    """Return the name of each lettered dimension in the store's arrays."""
+    return {group.dim: group.dimension_name for group in series_groups()} | {
+        "J": "joint",
+        "M": "object",
+        "P": "contact",
+        "A": "array",
+        "H": "row",
+        "W": "column",
+    }
 
 
 def shape(row: Field, size: Mapping[str, int]) -> tuple[int, ...]:

@@ -23,7 +23,7 @@ from grasp_factory.dataset.row_codec import NEEDED
 from grasp_factory.dataset.row_index import RowIndex
 from grasp_factory.dataset.sensor_reader import Readings
 from grasp_factory.dataset.sensor_views import EpisodeViews
-from grasp_factory.errors import UsageError, lookup
+from grasp_factory.errors import StoreError, UsageError, lookup
 from grasp_factory.signals.noise import EpisodeNoise, SensorNoise, named_noise
 from grasp_factory.writers.zarr.added_labels import added_columns, added_labels
 from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays
@@ -93,6 +93,9 @@ class Dataset(EpisodeViews):
         needed = {f"episodes/{name}" for name in NEEDED}
         fields = {row.path: row for row in schema.expand(config)}
         arrays = open_arrays(root, path, fields, needed)
+        for name in sorted({fields[p].length_column for p in arrays} - {"", *arrays}):
+            what = f"array {name} is missing; run grasp-factory verify on it, and repair"
+            raise StoreError(f"{path} is damaged: {what}")
         if checked:
             seed = None if SOURCES in root.attrs else config.seed
             told = seed is not None and FINGERPRINT in root.attrs

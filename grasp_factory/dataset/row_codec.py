@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.episode import CameraFrames, Episode, EpisodeSpec
 from grasp_factory.core.schema import Field
+from grasp_factory.core.sensors import series_groups
 
 Row = dict[str, NDArray[Any]]
 """Values of one episode by path, streams trimmed."""
@@ -18,9 +19,9 @@ Row = dict[str, NDArray[Any]]
 NEEDED = frozenset(
     ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu", "n_video")
 )
-"""Columns that no store lacks."""
-_BESIDE = NEEDED | {"array_crc32c", "fingerprint", "seed", "index"}
-"""Columns that are not in ``Episode.columns``."""
+"""Columns that every store has; ``n_video`` where there are videos."""
+_NOT_IN_COLUMNS = NEEDED | {"array_crc32c", "fingerprint", "seed", "index"}
+"""Columns that are not in ``Episode.columns``; and neither are the lengths of time series."""
 
 
 def read_rows(
@@ -68,15 +69,17 @@ def assemble(row: Mapping[str, NDArray[Any]], cameras: Iterable[str]) -> Episode
         top = path.partition("/")[0]
         group, name = path.rsplit("/", 1) if top == "cameras" else path.split("/", 1)
         groups.setdefault(group, {})[name] = value
-    columns = groups["episodes"]
+    columns = groups.pop("episodes")
+    # A store that was made before a sensor was added has no length column for it.
+    series = {group.name: group.count for group in series_groups() if group.count in columns}
+    beside = _NOT_IN_COLUMNS.union(series.values())
     return Episode(
         spec=EpisodeSpec.from_json(str(columns["spec"])),
         outcome=Outcome(int(columns["outcome"])),
-        columns={name: _plain(v) for name, v in columns.items() if name not in _BESIDE},
+        columns={name: _plain(v) for name, v in columns.items() if name not in beside},
         cameras={name: CameraFrames(**groups[f"cameras/{name}"]) for name in cameras},
         streams=groups["streams"],
-        imu=groups["imu"],
-        videos=groups.get("videos", {}),
+        own_rate={name: groups[name] for name in series if name != "streams"},
     )
 
 

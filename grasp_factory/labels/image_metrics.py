@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array
+from grasp_factory.core.sensors import series_groups
 from grasp_factory.labels.force_balance import force_residual
 
 LUMA = np.array([[0.299, 0.587, 0.114]])
@@ -148,8 +149,5 @@ def _target_pixels(frames: CameraFrames) -> int:
 
 
 def _series(episode: Episode) -> list[tuple[Array, float]]:
-    spec = episode.spec
-    series = [(episode.streams, spec.record_hz), (episode.imu, spec.imu_hz)]
-    if episode.videos:
-        series.append((episode.videos, spec.video_hz))
-    return [(arrays["timestamp"], rate) for arrays, rate in series]
+    rates = {group.name: group.rate(episode.spec) for group in series_groups()}
+    return [(arrays["timestamp"], rates[name]) for name, arrays in episode.series.items()]

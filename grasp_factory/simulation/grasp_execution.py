@@ -1,4 +1,4 @@
-"""The arm in motion: steps the physics through the phases and samples the sensors."""
+"""The motion of the arm: steps the physics through the phases and samples the sensors."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from grasp_factory.core.config.physics import Stepping
 from grasp_factory.core.config.sections import CLOSING_SETTLE_S
 from grasp_factory.core.enums import Phase
+from grasp_factory.core.sensors import SENSORS, STREAMS
 from grasp_factory.robots.shake import plan_shake
 from grasp_factory.robots.trajectory import GraspMotion, JointSegment, Trajectory, sample
-from grasp_factory.simulation.scene import Scene, render_cameras
-from grasp_factory.simulation.sensors import SENSORS, Tick, VideoRecorder, WristImu
+from grasp_factory.simulation.scene import Scene
+from grasp_factory.simulation.sensors import Tick, make_sensors
 from grasp_factory.simulation.world import EngineRow, wake
 
 STALLED_SPEED = 0.001
@@ -29,29 +30,27 @@ class Attempt:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._sensors = [
-            make(scene.world, scene.robot, scene.objects, scene.label_of)
-            for make in SENSORS.values()
-        ]
+        self._sensors = make_sensors(scene)
         spec, physics = scene.spec, scene.spec.physics
-        # Simulation time counts in a unit that both kinds of step are whole multiples of, so that
-        # records fall on one even grid, wherever a motion begins or ends.
+        # The unit of simulation time divides both kinds of step, so that samples are evenly spaced,
+        # wherever a motion begins or ends.
         self._clock, self._clock_hz = 0, math.lcm(physics.free_hz, physics.contact_hz)
-        self._record_every, self._imu_every = (
-            self._clock_hz // hz for hz in (spec.record_hz, spec.imu_hz)
-        )
-        self._video_every = self._clock_hz // spec.video_hz if spec.video_hz else 0
+        self._record_every = self._clock_hz // spec.record_hz
+        # Sensors with their own rate are sampled before those of the records.
+        order = sorted(self._sensors, key=lambda name: SENSORS[name].group == STREAMS)
+        self._schedule = [
+            (self._clock_hz // SENSORS[name].group.rate(spec), self._sensors[name])
+            for name in order
+        ]
         self._joint_targets: Sequence[float] = list(scene.robot.model.home)
         self._width_target = scene.robot.model.gripper.max_width
         self._shake_level = 0.0
-        self._video = VideoRecorder(lambda: render_cameras(scene))
-        self._imu = WristImu(scene.world, scene.robot, physics.gravity)
         self.table_penetration = 0.0
         """Deepest overlap of the robot and the table at any record, metres."""
         self.has_closed = False
         """Whether the gripper began to close."""
         self.touched: int | None = None
-        """What was touched before the gripper closed, if anything was."""
+        """Label of what the robot touched before the gripper closed; None for nothing."""
 
     def run(self, motion: GraspMotion, width: float) -> None:
         """Go through all phases; stop at an unexpected contact.
@@ -76,22 +75,11 @@ class Attempt:
             if self._pads_touch_target():
                 self._shake(level)
 
-    def imu(self) -> dict[str, NDArray[Any]]:
-        """Return the IMU's series."""
-        return self._imu.series()
-
-    def videos(self) -> dict[str, NDArray[Any]]:
-        """Return the videos; nothing where none was asked for."""
-        spec = self._scene.spec
-        if not spec.video_hz:
-            return {}
-        return self._video.series(dict.fromkeys(spec.cameras, spec.resolution))
-
-    def streams(self) -> dict[str, NDArray[Any]]:
-        """Return everything recorded."""
-        out: dict[str, NDArray[Any]] = {}
-        for sensor in self._sensors:
-            out |= sensor.streams()
+    def series(self) -> dict[str, dict[str, NDArray[Any]]]:
+        """Return the arrays of all sensors, by their group and name."""
+        out: dict[str, dict[str, NDArray[Any]]] = {}
+        for name, sensor in self._sensors.items():
+            out.setdefault(SENSORS[name].group.name, {}).update(sensor.arrays())
         return out
 
     def _follow(self, phase: Phase, segment: JointSegment, width: tuple[float, float]) -> None:
@@ -147,10 +135,10 @@ class Attempt:
         self._wait(Phase.CLOSE, longest - passed, is_stalled)
 
     def _grip(self, stepping: Stepping) -> None:
-        """Squeeze, with the arm where it is, stepping like this from here on.
+        """Squeeze with the arm held still, and use this stepping from now on.
 
-        The engine turns a motor's force into an impulse per step when it is commanded, so all
-        motors are told again when the rate changes.
+        The engine turns a motor's force into an impulse per step at the command, so all motors
+        are commanded again when the rate changes.
         """
         robot, settings = self._scene.robot, self._scene.spec.motion
         self._set_stepping(stepping)
@@ -160,10 +148,10 @@ class Attempt:
     def _wait(
         self, phase: Phase, seconds: float, is_over: Callable[[], bool] = lambda: False
     ) -> float:
-        """Let a time (s) pass, or until ``is_over``, asked at the control rate, says so.
+        """Step for a time (s), or until ``is_over``, which is called at the control rate, is true.
 
         Returns:
-            The seconds that have passed.
+            The seconds that passed.
         """
         control_hz = self._scene.spec.physics.control_hz
         periods = math.ceil(seconds * control_hz)
@@ -179,40 +167,33 @@ class Attempt:
         self._scene.world.set_stepping(stepping)
 
     def _step(self, phase: Phase) -> None:
-        """Make a step, and sample what is due after it."""
+        """Make a step, and sample the sensors that are due after it."""
         self._clock += self._ticks
         is_record = self._clock % self._record_every == 0
         if is_record:
             self._scene.robot.listen(True)
         self._scene.world.step()
-        if self._clock % self._imu_every == 0:
-            self._imu.sample(self._clock / self._clock_hz)
-        if self._video_every and self._clock % self._video_every == 0:
-            self._video.sample(self._clock / self._clock_hz)
+        due = [sensor for every, sensor in self._schedule if self._clock % every == 0]
+        if due:
+            tick = self._tick(phase)
+            for sensor in due:
+                sensor.sample(tick)
         if is_record:
-            self._record(phase)
+            self._watch_table(tick.contacts)
             self._scene.robot.listen(False)
 
-    def _record(self, phase: Phase) -> None:
-        """Sample every sensor of the streams."""
-        body = self._scene.robot.body
-        contacts = [c for c in self._scene.world.contacts() if body in (c[1], c[2])]
-        self._watch_table(contacts)
-        tick = Tick(
+    def _tick(self, phase: Phase) -> Tick:
+        return Tick(
+            scene=self._scene,
             timestamp=self._clock / self._clock_hz,
             phase=phase,
             joint_position_targets=self._joint_targets,
             gripper_width_target=self._width_target,
             shake_level=self._shake_level,
-            joints=self._scene.robot.joint_states(),
-            frames=self._scene.robot.frames(),
-            contacts=contacts,
         )
-        for sensor in self._sensors:
-            sensor.sample(tick)
 
     def _watch_table(self, contacts: Iterable[EngineRow]) -> None:
-        """Note how deep the robot is in the table at this record; its foot stands there."""
+        """Store the deepest overlap of the table and the robot's links; its base stands there."""
         robot = self._scene.robot.body
         for c in contacts:
             if c[2] == self._scene.stage.table and c[1] == robot and c[3] >= 0:

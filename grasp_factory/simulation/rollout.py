@@ -75,9 +75,10 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
             attempt.run(motion, chosen.width)
             after = take_shots(scene)
             outcome = Outcome.COLLISION
-    streams, imu = attempt.streams(), attempt.imu()
-    series = {f"streams/{name}": values for name, values in streams.items()}
-    _refuse_non_finite(series | {f"imu/{name}": values for name, values in imu.items()}, spec)
+    own_rate = attempt.series()
+    for group, arrays in own_rate.items():
+        _refuse_non_finite({f"{group}/{name}": values for name, values in arrays.items()}, spec)
+    streams = own_rate.pop("streams")
     if attempt.has_closed:
         outcome = judge(streams, object_com[0], rest_height, spec.label)
     measured = measure(streams, object_com[0], rest_height)
@@ -100,8 +101,7 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
         },
         cameras={name: _frames(before[name], after[name]) for name in before},
         streams=streams,
-        imu=imu,
-        videos=attempt.videos(),
+        own_rate=own_rate,
     )
     episode = _graded(episode)
     _refuse_non_finite(episode.contents(), spec)

@@ -13,14 +13,14 @@ from grasp_factory.core.config.sections import WorkspaceConfig
 from grasp_factory.core.elementary import arccos
 from grasp_factory.core.enums import Label, Outcome
 from grasp_factory.core.episode import CameraImage, EpisodeSpec, ObjectSpec, SceneView
-from grasp_factory.core.geometry import Array
-from grasp_factory.core.linear import norm
+from grasp_factory.core.geometry import Array, Pose, inverse
+from grasp_factory.core.linear import norm, product
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.labels.rule import FELL_OFF
 from grasp_factory.objects import UrdfFile, find_set
 from grasp_factory.robots import ROBOTS
+from grasp_factory.simulation.images import Render, develop
 from grasp_factory.simulation.robot import Robot
-from grasp_factory.simulation.sensors import Render, develop, object_frame
 from grasp_factory.simulation.static_scene import Stage, set_stage
 from grasp_factory.simulation.visibility import visible_shares
 from grasp_factory.simulation.world import DATA, World, put_to_sleep, wake
@@ -216,6 +216,13 @@ def observe(scene: Scene, images: Mapping[str, CameraImage]) -> SceneView:
         workspace=scene.spec.workspace,
         target_label=int(Label.TARGET),
     )
+
+
+def object_frame(world: World, body: int) -> Pose:
+    """Return the pose of a body's own (URDF) frame in the world; Bullet tracks the COM's."""
+    position, quat = world.com_frame(body)
+    T_world_com = Pose(position, quat).matrix()
+    return Pose.from_matrix(product(T_world_com, inverse(world.inertial_frame(body).matrix())))
 
 
 def object_poses(scene: Scene) -> Array:

@@ -12,8 +12,8 @@ from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.geometry import IDENTITY
 from grasp_factory.errors import lookup
 from grasp_factory.robots import ROBOTS, RobotModel
+from grasp_factory.simulation.images import Render, make_camera, render
 from grasp_factory.simulation.robot import Robot
-from grasp_factory.simulation.sensors import Render, make_camera, render
 from grasp_factory.simulation.world import World
 from grasp_factory.simulation.world.foot import foot_of
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.camera import Camera, Light, project
 from grasp_factory.core.geometry import apply, inverse
-from grasp_factory.simulation.sensors import Render, render
+from grasp_factory.simulation.images import Render, render
 from grasp_factory.simulation.world import World
 
 BORDER = 2

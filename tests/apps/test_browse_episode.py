@@ -59,7 +59,7 @@ def in_order(episode: Episode) -> Episode:
     return dataclasses.replace(
         episode,
         streams={**episode.streams, "timestamp": np.arange(episode.n_steps) / 10},
-        imu={**episode.imu, "timestamp": np.arange(episode.n_imu) / 20},
+        own_rate={"imu": {**episode.imu, "timestamp": np.arange(episode.n_imu) / 20}},
     )
 
 
@@ -72,9 +72,11 @@ def empty(episode: Episode) -> Episode:
         outcome=Outcome.NO_PLAN,
         columns=episode.columns | nothing,
         streams={name: values[:0] for name, values in episode.streams.items()},
-        imu={
-            name: values if name == "T_tcp_imu" else values[:0]
-            for name, values in episode.imu.items()
+        own_rate={
+            "imu": {
+                name: values if name == "T_tcp_imu" else values[:0]
+                for name, values in episode.imu.items()
+            }
         },
     )
 

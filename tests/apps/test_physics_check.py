@@ -73,7 +73,7 @@ def test_an_imu_half_a_percent_off_is_found(successes):
     for episode in successes:
         imu = dict(episode.imu)
         imu["specific_force"] = imu["specific_force"] * np.float32(1.005)
-        wrong.append(dataclasses.replace(episode, imu=imu))
+        wrong.append(dataclasses.replace(episode, own_rate={"imu": imu}))
     assert not any(figure.passes for figure in inertial.at_rest(wrong))
 
 

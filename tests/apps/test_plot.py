@@ -223,7 +223,9 @@ class TestFigure:
         episode = DATASET[0]
         streams = {name: values[:0] for name, values in episode.streams.items()}
         imu = {n: v[:0] if n != "T_tcp_imu" else v for n, v in episode.imu.items()}
-        nothing = dataclasses.replace(episode, streams=streams, imu=imu, outcome=Outcome.NO_PLAN)
+        nothing = dataclasses.replace(
+            episode, streams=streams, own_rate={"imu": imu}, outcome=Outcome.NO_PLAN
+        )
         text = words(figure_of(subject(nothing)))
         assert "ended before the arm moved (no plan)" in text
         assert "depth before" in text

@@ -130,7 +130,7 @@ def without_record(episode: Episode) -> Episode:
 
 def without_imus_end(episode: Episode) -> Episode:
     imu = {n: v[:-5] if n != "T_tcp_imu" else v for n, v in episode.imu.items()}
-    return dataclasses.replace(episode, imu=imu)
+    return dataclasses.replace(episode, own_rate={**episode.own_rate, "imu": imu})
 
 
 def with_exploding_contacts(episode: Episode) -> Episode:
@@ -295,7 +295,8 @@ class TestStreams:
         last = episode.streams["timestamp"][-1]
         times = np.arange(1, int(10 * last) + 1) / 10
         for kept, gap in ((times, 1.0), (np.delete(times, 4), 2.0)):
-            filmed = dataclasses.replace(episode, spec=spec, videos={"timestamp": kept})
+            own_rate = {**episode.own_rate, "videos": {"timestamp": kept}}
+            filmed = dataclasses.replace(episode, spec=spec, own_rate=own_rate)
             assert inspect_episode(filmed).stream_gap == pytest.approx(gap)
 
 

@@ -25,8 +25,8 @@ from grasp_factory.core.renderer import Renderer
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling.spec import sample_spec
+from grasp_factory.simulation.images import render
 from grasp_factory.simulation.scene import Scene, build_scene, render_cameras, settle
-from grasp_factory.simulation.sensors import render
 from grasp_factory.simulation.world import World
 
 CAMERAS = {

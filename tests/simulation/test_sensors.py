@@ -1,4 +1,4 @@
-"""What every sensor of the table must do, and what each one measures."""
+"""What each sensor measures; ``conformance/test_sensors.py`` has what all of them must do."""
 
 from __future__ import annotations
 
@@ -6,22 +6,18 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.scenes import SMALL, cube_spec, default_episodes
+from support.scenes import SMALL, cube_spec, default_episodes, tick
 
 from grasp_factory.core import schema
 from grasp_factory.core.enums import Label, Phase
 from grasp_factory.core.geometry import Pose, apply, quat_xyzw_to_matrix
+from grasp_factory.core.sensors import SENSORS
 from grasp_factory.robots import ROBOTS
 from grasp_factory.simulation.rollout import run_episode
-from grasp_factory.simulation.scene import build_scene
-from grasp_factory.simulation.sensors import SENSORS, Tick, object_frame
+from grasp_factory.simulation.scene import build_scene, object_frame
+from grasp_factory.simulation.sensors import make_sensor
 from grasp_factory.simulation.sensors.tactile import TactilePads
 from grasp_factory.simulation.world import World
-
-FIELDS = {row.path.split("/")[1]: row for row in schema.FIELDS if row.path.startswith("streams/")}
-ROBOT, CUBE = 2, 3
-"""Bodies, in the order in which the scene is built: floor, table, robot, object."""
-SIZES = dict(schema.sizes(SMALL, joints=7))
 
 
 @pytest.fixture(scope="module")
@@ -36,51 +32,6 @@ def grasped_cube():
         return run_episode(world, cube_spec())
 
 
-def tick(robot, contacts=()):
-    joints, frames = robot.joint_states(), robot.frames()
-    return Tick(0.5, Phase.HOLD, [0.0] * 7, 0.05, 0.0, joints, frames, contacts)
-
-
-@pytest.mark.parametrize("name", SENSORS)
-class TestSensor:
-    def make(self, world, name):
-        scene = build_scene(world, cube_spec())
-        scene.robot.listen(True)
-        sensor = SENSORS[name](world, scene.robot, scene.objects, scene.label_of)
-        return sensor, scene.robot
-
-    @pytest.mark.parametrize("samples", [0, 1, 7])
-    def test_its_streams_are_those_of_the_schema(self, world, name, samples):
-        sensor, robot = self.make(world, name)
-        for _ in range(samples):
-            world.step()
-            sensor.sample(tick(robot, world.contacts()))
-        streams = sensor.streams()
-        assert streams
-        for stream, values in streams.items():
-            shape = schema.shape(FIELDS[stream], SIZES | {"T": samples})
-            assert (values.shape, str(values.dtype)) == (shape, FIELDS[stream].dtype), stream
-
-    def test_sampling_does_not_change_what_happens_next(self, world, name):
-        def fall(with_sensor):
-            sensor, robot = self.make(world, name)
-            for _ in range(60):
-                world.step()
-                if with_sensor:
-                    sensor.sample(tick(robot, world.contacts()))
-            return world.joint_states(ROBOT, [0, 1]), world.com_frame(CUBE)
-
-        assert fall(True) == fall(False)
-
-
-def test_all_sensors_together_fill_the_schemas_streams_but_the_reward(world):
-    scene = build_scene(world, cube_spec())
-    made = [m(world, scene.robot, scene.objects, scene.label_of) for m in SENSORS.values()]
-    names = [name for sensor in made for name in sensor.streams()]
-    assert len(names) == len(set(names))
-    assert set(names) | {"reward"} == set(FIELDS)
-
-
 def row(a, b, normal_force=2.0):
     """A contact: B pushes A along +z (N) and along +x, +y (0.5, 0.25 N)."""
     return (0, a[0], b[0], a[1], b[1], (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (0, 0, 1), -1e-4,
@@ -91,11 +42,11 @@ class TestTactilePads:
     @pytest.fixture
     def setting(self, world):
         scene = build_scene(world, cube_spec())
-        pads = TactilePads(scene.robot, scene.label_of)
+        pads = TactilePads(scene)
 
         def touch(*rows):
-            pads.sample(tick(scene.robot, rows))
-            return pads.streams()
+            pads.sample(tick(scene, rows))
+            return pads.arrays()
 
         left, right = ((scene.robot.body, link) for link in scene.robot.pads)
         frames = world.link_frames(scene.robot.body, scene.robot.pads)
@@ -147,13 +98,13 @@ class TestTactilePads:
 
 def test_what_the_hand_does_to_the_target_beside_the_pads_is_told_apart(world):
     scene = build_scene(world, cube_spec())
-    sensor = SENSORS["hand"](world, scene.robot, scene.objects, scene.label_of)
+    sensor = make_sensor(SENSORS["hand"], scene)
     palm, pad = (scene.robot.body, 9), (scene.robot.body, scene.robot.pads[0])
     cube, table = (scene.objects[0], -1), (1, -1)
     rows = (row(cube, palm), row(pad, cube), row(cube, table), row(palm, table))
     for contacts in (rows, (row(palm, cube),), ()):
-        sensor.sample(tick(scene.robot, contacts))
-    forces = sensor.streams()["hand_force"]
+        sensor.sample(tick(scene, contacts))
+    forces = sensor.arrays()["hand_force"]
     assert forces.tolist() == [[0.5, 0.25, 2.0], [-0.5, -0.25, -2.0], [0.0, 0.0, 0.0]]
 
 
@@ -170,9 +121,9 @@ def test_without_contact_the_wrist_carries_the_tools_weight_at_its_centre_of_mas
     scene.robot.listen(True)
     for _ in range(240):
         world.step()
-    sensor = SENSORS["wrist"](world, scene.robot, scene.objects, scene.label_of)
-    sensor.sample(tick(scene.robot))
-    wrench = sensor.streams()["wrist_wrench"][0].astype(float)
+    sensor = make_sensor(SENSORS["wrist"], scene)
+    sensor.sample(tick(scene))
+    wrench = sensor.arrays()["wrist_wrench"][0].astype(float)
     weight = scene.robot.T_world_tcp()[:3, :3].T @ [0, 0, -9.81 * model.tool_mass]
     assert wrench[:3] == pytest.approx(weight, abs=0.01 * np.linalg.norm(weight))
     assert wrench[3:] == pytest.approx(np.cross(model.tool_com, weight), abs=0.002)
@@ -185,9 +136,9 @@ def test_the_tracker_gives_the_objects_own_frame(world):
         drop_pose=Pose((0.5, 0.1, 0.4), (0.5, 0.5, 0.5, 0.5)),
     )  # fmt: skip
     scene = build_scene(world, dataclasses.replace(spec, objects=(duck,)))
-    tracker = SENSORS["tracker"](world, scene.robot, scene.objects, scene.label_of)
-    tracker.sample(tick(scene.robot))
-    pose = tracker.streams()["object_pose"][0, 0]
+    tracker = make_sensor(SENSORS["tracker"], scene)
+    tracker.sample(tick(scene))
+    pose = tracker.arrays()["object_pose"][0, 0]
     assert pose[:3] == pytest.approx(duck.drop_pose.position, abs=1e-6)
     assert np.abs(pose[3:] @ duck.drop_pose.quat_xyzw) == pytest.approx(1.0, abs=1e-6)
     frame = object_frame(world, scene.objects[0])

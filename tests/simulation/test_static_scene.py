@@ -18,9 +18,9 @@ from grasp_factory.core.geometry import IDENTITY, Pose, apply, inverse
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation import static_scene
+from grasp_factory.simulation.images import render
 from grasp_factory.simulation.robot import Robot
 from grasp_factory.simulation.scene import build_scene, render_cameras, settle, take_shots
-from grasp_factory.simulation.sensors import render
 from grasp_factory.simulation.world import World
 from grasp_factory.simulation.world.foot import foot_of
 

@@ -13,6 +13,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.episode import CameraFrames, Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.core.geometry import Pose
+from grasp_factory.core.sensors import series_groups
 from grasp_factory.writers.base import Quarantined
 
 JOINTS = 7
@@ -70,12 +71,9 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
     spec = make_spec(config, index)
     steps = int(rng.integers(0, size["T"] + 1)) if n_steps is None else n_steps
     columns: dict[str, Any] = {}
-    series: dict[str, dict[str, Any]] = {"streams": {}, "imu": {}, "videos": {}}
-    lengths = {
-        "T": steps,
-        "U": steps * config.imu_rate // config.record_hz,
-        "V": steps * config.video_hz // config.record_hz,
-    }
+    groups = [group for group in series_groups() if group.rate(config)]
+    series: dict[str, dict[str, Any]] = {group.name: {} for group in groups}
+    lengths = {group.dim: steps * group.rate(config) // config.record_hz for group in groups}
     cameras: dict[str, dict[str, Any]] = {name: {} for name in config.cameras}
     for row in schema.expand(config):
         group, name = row.path.split("/", 1)
@@ -106,7 +104,8 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
         outcome=Outcome(int(rng.integers(len(Outcome)))),
         columns=columns,
         cameras={name: CameraFrames(**arrays) for name, arrays in cameras.items()},
-        **series,
+        streams=series.pop("streams"),
+        own_rate=series,
     )
 
 
@@ -125,7 +124,7 @@ def make_rows(
 
 _OWN = (
     *("status", "checksum", "array_crc32c", "success", "outcome", "spec", "error", "seed", "index"),
-    *("n_steps", "n_imu", "n_video", "fingerprint"),
+    *("fingerprint", *(group.count for group in series_groups())),
 )
 
 

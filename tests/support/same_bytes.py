@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 import grasp_factory
+from grasp_factory.core.sensors import SENSORS
 
 PACKAGE = Path(grasp_factory.__file__).parent
 
@@ -59,6 +60,9 @@ def path_modules() -> list[Path]:
     """Return the modules that lead from a seed to an episode, each by the imports of another."""
     seen: set[Path] = set()
     todo = [PACKAGE / start for start in STARTS]
+    for model in SENSORS.values():  # the simulation loads them by name
+        module = model.implementation.partition(":")[0].partition(".")[2]
+        todo.append(PACKAGE / f"{module.replace('.', '/')}.py")
     while todo:
         module = todo.pop()
         if module in seen or any(module.is_relative_to(PACKAGE / part) for part in APART):

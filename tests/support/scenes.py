@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cache
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.enums import Phase
 from grasp_factory.core.episode import CameraImage, Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.core.geometry import Pose
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.scene import Scene, take_shots
-from grasp_factory.simulation.world import World
+from grasp_factory.simulation.sensors import Tick
+from grasp_factory.simulation.world import EngineRow, World
 
 SMALL = FactoryConfig(resolution=(160, 120))
 """The default config at a resolution that renders quickly and still shows the target."""
@@ -34,6 +37,21 @@ def cube_spec(
     )
     spec = sample_spec(SMALL, 0)
     return dataclasses.replace(spec, **{"policy": "top_down", "objects": (cube,), **changes})
+
+
+def tick(scene: Scene, contacts: Sequence[EngineRow] | None = None, timestamp: float = 0.5) -> Tick:
+    """Return an instant of the hold, with made-up contacts if any are passed."""
+    tick = Tick(
+        scene=scene,
+        timestamp=timestamp,
+        phase=Phase.HOLD,
+        joint_position_targets=[0.0] * len(scene.robot.arm),
+        gripper_width_target=0.05,
+        shake_level=0.0,
+    )
+    if contacts is not None:
+        vars(tick)["contacts"] = contacts
+    return tick
 
 
 def take_images(scene: Scene) -> dict[str, CameraImage]:

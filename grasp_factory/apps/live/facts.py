@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from grasp_factory.core.sensors import series_groups
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory.block_job import Made
 from grasp_factory.labels.image_metrics import exposure, grey
@@ -38,7 +39,7 @@ class EpisodeFacts:
     checksum: str = ""
     quality: int | None = None
     lengths: Mapping[str, int] = field(default_factory=dict)
-    """Records by column: ``n_steps``, ``n_imu``, and ``n_video`` where there are videos."""
+    """Samples of each group of time series, by its column: ``n_steps``, ``n_imu``, ..."""
     measured: Mapping[str, float] = field(default_factory=dict)
     """By column: what the quality score is made from, as far as the store has it."""
     images: Mapping[str, Brightness] = field(default_factory=dict)
@@ -65,7 +66,7 @@ class BlockFacts:
         """
         self._dataset, self._columns = Dataset.open(path), Columns.open(path)
         names = set(self._columns.names)
-        self._lengths = [name for name in ("n_steps", "n_imu", "n_video") if name in names]
+        self._lengths = [group.count for group in series_groups() if group.count in names]
         self._measured = [name for name in MEASURED if name in names]
         self._more = [name for name in ("object_id", "checksum", "quality") if name in names]
 

@@ -26,8 +26,8 @@ from grasp_factory.core.geometry import Pose
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.factory import embedded_assets
+from grasp_factory.simulation.images import Render
 from grasp_factory.simulation.scene import Scene, build_scene, render_cameras
-from grasp_factory.simulation.sensors import Render
 from grasp_factory.simulation.world.posed import PosedWorld
 
 CAPTION = 28

@@ -25,6 +25,7 @@ from grasp_factory.core.config.sections import (
 )
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.renderer import Renderer
+from grasp_factory.core.sensors import series_groups
 from grasp_factory.core.serialization import (
     check,
     check_range,
@@ -124,10 +125,12 @@ class FactoryConfig:
             check(name.isidentifier(), "cameras", name, "names of letters, digits and _")
         self._check_resolution()
         self._check_textures()
-        self._check_rate("record_hz")
+        self._check_divides("record_hz", self.record_hz)
         if self.video_hz:
-            self._check_rate("video_hz")
+            self._check_divides("video_hz", self.video_hz)
             self._check_video()
+        for group in series_groups():
+            self._check_divides(f"rate of {group.name}", group.rate(self) or 1)
         self._check_randomize()
         valid = f"less than motion.lift_height ({self.motion.lift_height})"
         lift = self.label.min_lift
@@ -170,9 +173,9 @@ class FactoryConfig:
         )
         check(size <= MAX_VIDEO_GB, "video_hz", self.video_hz, valid)
 
-    def _check_rate(self, key: str) -> None:
+    def _check_divides(self, key: str, got: int) -> None:
         for name in ("free_hz", "contact_hz"):
-            rate, got = getattr(self.physics, name), getattr(self, key)
+            rate = getattr(self.physics, name)
             check(rate % got == 0, key, got, f"a divisor of physics.{name} ({rate})")
 
     def _check_randomize(self) -> None:

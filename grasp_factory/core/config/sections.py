@@ -19,9 +19,9 @@ PEAK_OVER_MEAN = 1.875
 MAX_STRETCH = 2.0
 """A straight motion may take this many times longer than its speed says, for slow joints."""
 MAX_CLOSING_STROKE = 0.06
-"""Metres: no gripper of the table has fingers that travel farther."""
+"""Metres: bound for the travel of a finger; ``tests/robots/test_closing_time.py`` checks robots."""
 SLOWEST_FINGERS = 0.05
-"""m/s: no gripper of the table has fingers whose greatest speed is less."""
+"""m/s: bound for the greatest speed of fingers; the same test checks it."""
 STANDARD_GRAVITY = 9.80665
 """m/s2: the g of shake levels and of datasheets (ISO 80000-3)."""
 STRONGEST_SHAKE = 3.0

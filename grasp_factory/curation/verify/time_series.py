@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.episode import EpisodeSpec
+from grasp_factory.core.sensors import series_groups
 from grasp_factory.curation.verify.problems import Fault
 from grasp_factory.dataset.row_codec import Row
 
@@ -19,8 +20,8 @@ UNIT = 1e-5
 
 
 def series_faults(contents: Row, spec: EpisodeSpec) -> Iterator[Fault]:
-    """Give each time series of an episode that holds what cannot be, and what that is."""
-    rates = {"streams": spec.record_hz, "imu": spec.imu_hz, "videos": spec.video_hz}
+    """Yield the path of each time series with an impossible value, and what is wrong with it."""
+    rates = {group.name: rate for group in series_groups() if (rate := group.rate(spec))}
     for group, rate in rates.items():
         path = f"{group}/timestamp"
         if path in contents and not _is_even(contents[path], rate):

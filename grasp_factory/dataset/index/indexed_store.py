@@ -51,15 +51,12 @@ class IndexSource:
         self.root = f"{facts.st_mtime_ns} {facts.st_ino}"
         self._config = self._columns.config
         fields = {row.path: row for row in schema.expand(self._config)}
-        self._fields = {name: fields[f"episodes/{name}"] for name in STORED if name in self._there}
+        there = self._columns.names
+        self._fields = {name: fields[f"episodes/{name}"] for name in STORED if name in there}
         self._files = [
             (f"{path}/{row.path}/", ".0" * len(row.dims), row.is_video)
             for row in schema.expand(self._config)
         ]
-
-    @property
-    def _there(self) -> set[str]:
-        return {n for n in self._columns.names if n != "n_video" or self._config.video_hz}
 
     @property
     def facts(self) -> dict[str, str]:

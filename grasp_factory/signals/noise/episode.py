@@ -69,7 +69,8 @@ class EpisodeNoise:
         }
         streams = self.streams(spec.index, clean.streams, spec.record_hz)
         imu = self._imu(spec.index, clean.imu, spec.imu_hz)
-        return replace(clean, cameras=cameras, streams=streams, imu=imu)
+        own_rate = {**clean.own_rate, "imu": imu}
+        return replace(clean, cameras=cameras, streams=streams, own_rate=own_rate)
 
     @property
     def images(self) -> tuple[str, ...]:

@@ -1,44 +1,26 @@
-"""Sensors: what is measured while the arm moves. A new one is one file and one row below."""
+"""Sensors: one file each. ``core/sensors.py`` has the table of them, with what each records."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from pkgutil import resolve_name
 
-from grasp_factory.simulation.robot import Robot
+from grasp_factory.core.sensors import SENSORS, SensorModel
+from grasp_factory.simulation.scene import Scene
 from grasp_factory.simulation.sensors.base import Sensor, Tick
-from grasp_factory.simulation.sensors.clock import Clock
-from grasp_factory.simulation.sensors.encoders import Encoders
-from grasp_factory.simulation.sensors.hand import HandContact
-from grasp_factory.simulation.sensors.images import Render, develop, make_camera, render
-from grasp_factory.simulation.sensors.imu import WristImu
-from grasp_factory.simulation.sensors.tactile import TactilePads
-from grasp_factory.simulation.sensors.tracker import ObjectTracker, object_frame
-from grasp_factory.simulation.sensors.video import VideoRecorder
-from grasp_factory.simulation.sensors.wrist import WristForceTorque
-from grasp_factory.simulation.world import World
 
-LabelOf = Callable[[int, int], int]
-"""(body, link) -> ``Label``."""
+__all__ = ["Sensor", "Tick", "make_sensor", "make_sensors"]
 
-SENSORS: Mapping[str, Callable[[World, Robot, tuple[int, ...], LabelOf], Sensor]] = {
-    "clock": lambda world, robot, objects, label_of: Clock(),
-    "encoders": lambda world, robot, objects, label_of: Encoders(robot),
-    "tracker": lambda world, robot, objects, label_of: ObjectTracker(world, objects),
-    "tactile": lambda world, robot, objects, label_of: TactilePads(robot, label_of),
-    "hand": lambda world, robot, objects, label_of: HandContact(robot, objects[0]),
-    "wrist": lambda world, robot, objects, label_of: WristForceTorque(world, robot),
-}
 
-__all__ = [
-    "SENSORS",
-    "LabelOf",
-    "Render",
-    "Sensor",
-    "Tick",
-    "VideoRecorder",
-    "WristImu",
-    "develop",
-    "make_camera",
-    "object_frame",
-    "render",
-]
+def make_sensors(scene: Scene) -> dict[str, Sensor]:
+    """Return the sensors of the table by name, without those that the recipe turns off."""
+    return {
+        name: make_sensor(model, scene)
+        for name, model in SENSORS.items()
+        if model.group.rate(scene.spec)
+    }
+
+
+def make_sensor(model: SensorModel, scene: Scene) -> Sensor:
+    """Return the sensor of a row of the table, in a settled scene."""
+    sensor: Sensor = resolve_name(model.implementation)(scene)
+    return sensor

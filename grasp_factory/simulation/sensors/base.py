@@ -1,21 +1,28 @@
-"""What every sensor of the attempt does: sample at each record, hand over streams at the end."""
+"""The contract of sensors: sample at every instant of their rate, return arrays at the end."""
 
 from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from numpy.typing import NDArray
 
 from grasp_factory.core.enums import Phase
+from grasp_factory.simulation.scene import Scene
+from grasp_factory.simulation.world import EngineRow
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class Tick:
-    """One record's instant: what the rollout already knows when sensors are sampled."""
+    """One instant at which sensors are sampled: it follows a physics step.
 
+    What several sensors read of the world is read once, when the first of them asks for it.
+    """
+
+    scene: Scene
     timestamp: float
     """Simulation time since the arm started, seconds."""
     phase: Phase
@@ -25,21 +32,42 @@ class Tick:
     """Metres, as commanded for the step just made."""
     shake_level: float
     """Level of the shake in units of standard gravity, 0 outside of it."""
-    joints: Sequence[tuple[Any, ...]]
-    """States of the arm's joints, the fingers' and the wrist sensor's (``World.joint_states``)."""
-    frames: Sequence[tuple[Any, ...]]
-    """Position and quat_xyzw of the hand and of both pad links, world (``Robot.frames``)."""
-    contacts: Sequence[tuple[Any, ...]]
-    """All contact rows of the robot in the step just made (``World.contacts``)."""
+
+    @cached_property
+    def joints(self) -> Sequence[EngineRow]:
+        """States of the arm's joints, the fingers' and the wrist sensor's (``Robot.joint_states``).
+
+        The wrist sensor's is valid at the instants of the streams only: it is off in between.
+        """
+        return self.scene.robot.joint_states()
+
+    @cached_property
+    def frames(self) -> Sequence[EngineRow]:
+        """Position and quat_xyzw of the hand and of both pad links, world (``Robot.frames``)."""
+        return self.scene.robot.frames()
+
+    @cached_property
+    def contacts(self) -> Sequence[EngineRow]:
+        """All contact rows of the robot in the step just made (``World.contacts``)."""
+        body = self.scene.robot.body
+        return [c for c in self.scene.world.contacts() if body in (c[1], c[2])]
 
 
 class Sensor(abc.ABC):
-    """A stream source. Sampling only stores raw rows; the arithmetic is done once, in numpy."""
+    """A sensor in one attempt. Its row of ``core.sensors.SENSORS`` has its rate and its arrays."""
+
+    @abc.abstractmethod
+    def __init__(self, scene: Scene) -> None:
+        """Begin without samples, before the arm moves."""
 
     @abc.abstractmethod
     def sample(self, tick: Tick) -> None:
-        """Read the world without stepping it."""
+        """Read the world without stepping it; only store, as the arithmetic is done at the end."""
 
     @abc.abstractmethod
-    def streams(self) -> dict[str, NDArray[Any]]:
-        """Return the streams by name, each (samples, ...), in ``schema.py``'s units and types."""
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays of the row's fields, by the name within their group.
+
+        Time series are (samples, ...); units, frames and types are those of the fields. The path
+        of a field with ``{camera}`` stands for one array for each camera of the recipe.
+        """

@@ -7,24 +7,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.simulation.scene import Scene
 from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class Clock(Sensor):
-    """Timestamps in simulation time, and the part of the attempt they belong to."""
+    """Timestamps in simulation time, with phase and shake level of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, scene: Scene) -> None:
         self._timestamps: list[float] = []
         self._phases: list[int] = []
         self._levels: list[float] = []
 
     def sample(self, tick: Tick) -> None:
-        """Note time, phase and level."""
+        """Store time, phase and level."""
         self._timestamps.append(tick.timestamp)
         self._phases.append(int(tick.phase))
         self._levels.append(tick.shake_level)
 
-    def streams(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return ``timestamp`` (s), ``phase`` and ``shake_level``."""
         return {
             "timestamp": np.array(self._timestamps, np.float64),

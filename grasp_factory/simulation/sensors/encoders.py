@@ -1,4 +1,4 @@
-"""Joint and gripper encoders, motor torques and what was commanded; the TCP pose that follows."""
+"""Joint and gripper encoders, motor torques and commands, and the TCP pose that follows."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix
 from grasp_factory.core.linear import turned
-from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.scene import Scene
 from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class Encoders(Sensor):
     """Everything that the robot's own controller knows."""
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+    def __init__(self, scene: Scene) -> None:
+        self._robot = scene.robot
         self._joints, self._hand, self._targets = array("d"), array("d"), array("d")
 
     def sample(self, tick: Tick) -> None:
-        """Keep the joints' states and the hand's frame."""
+        """Store the joints' states and the hand's frame."""
         positions, velocities, _, torques = zip(*tick.joints[:-1], strict=True)
         self._joints.extend((*positions, *velocities, *torques))
         position, quat = tick.frames[0]
         self._hand.extend((*position, *quat))
         self._targets.extend((*tick.joint_position_targets, tick.gripper_width_target))
 
-    def streams(self) -> dict[str, NDArray[Any]]:
-        """Return the joint, gripper and TCP streams."""
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the joint, gripper and TCP series."""
         n = len(self._robot.arm)
         joints = np.array(self._joints, np.float32).reshape(-1, 3, n + 2)
         targets = np.array(self._targets, np.float32).reshape(-1, n + 1)
@@ -47,7 +47,7 @@ class Encoders(Sensor):
         }
 
     def _tcp_poses(self) -> Array:
-        """Return the TCP's poses (samples, 7), whose axes are the hand's."""
+        """Return the TCP's poses (samples, 7); its axes are parallel to the hand's."""
         poses = np.array(self._hand, np.float64).reshape(-1, 7)
         poses[:, :3] += turned(quat_xyzw_to_matrix(poses[:, 3:]), self._robot.T_hand_tcp[:3, 3])
         return poses

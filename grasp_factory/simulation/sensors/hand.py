@@ -1,4 +1,4 @@
-"""What the robot does to the target other than through its pads: palm, finger sides, arm."""
+"""The robot's force on the target by all links but the pads: palm, finger sides, arm."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.scene import Scene
 from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class HandContact(Sensor):
-    """The force on the target of all links but the pads; where it is zero, the pads hold alone."""
+    """The force on the target of all links but the pads; at zero, the pads hold it alone."""
 
-    def __init__(self, robot: Robot, target: int) -> None:
-        self._robot, self._target = robot, target
+    def __init__(self, scene: Scene) -> None:
+        self._robot, self._target = scene.robot, scene.objects[0]
         self._forces: list[list[float]] = []
 
     def sample(self, tick: Tick) -> None:
@@ -32,6 +32,6 @@ class HandContact(Sensor):
                 total[i] += sign * (c[9] * c[7][i] + c[10] * c[11][i] + c[12] * c[13][i])
         self._forces.append(total)
 
-    def streams(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return ``hand_force`` (samples, 3), world, N."""
         return {"hand_force": np.array(self._forces, np.float32).reshape(-1, 3)}

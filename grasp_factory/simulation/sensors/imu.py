@@ -10,32 +10,31 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.geometry import Array, Pose, inverse, quat_xyzw_to_matrix
 from grasp_factory.core.linear import product, turned, turned_back
-from grasp_factory.simulation.robot import Robot
-from grasp_factory.simulation.world import World
+from grasp_factory.simulation.scene import Scene
+from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
-class WristImu:
+class WristImu(Sensor):
     """Specific force and angular velocity at the origin of the wrist sensor's frame.
 
-    It runs at a rate of its own, so it is no ``Sensor`` of the records. The specific force is the
-    change of velocity since the sample before over that time, less gravity: what an integrating
-    accelerometer delivers, exact whatever happened in between.
+    The specific force is the change of velocity since the previous sample, divided by that time,
+    less gravity. An integrating accelerometer measures the same; it is exact for any motion.
     """
 
-    def __init__(self, world: World, robot: Robot, gravity: float) -> None:
-        self._world, self._robot = world, robot
-        self._gravity = np.array([0.0, 0.0, -gravity])
+    def __init__(self, scene: Scene) -> None:
+        self._world, self._robot = scene.world, scene.robot
+        self._gravity = np.array([0.0, 0.0, -scene.spec.physics.gravity])
         self._timestamps: list[float] = []
         self._motions = array("d")
         self._read()
 
-    def sample(self, timestamp: float) -> None:
-        """Read the world without stepping it."""
-        self._timestamps.append(timestamp)
+    def sample(self, tick: Tick) -> None:
+        """Store time and motion."""
+        self._timestamps.append(tick.timestamp)
         self._read()
 
-    def series(self) -> dict[str, NDArray[Any]]:
-        """Return timestamp (n,), specific force and angular velocity (n, 3), and where it sits."""
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return timestamp (n,), specific force and angular velocity (n, 3), and the IMU's pose."""
         times = np.array([0.0, *self._timestamps])
         motions = np.array(self._motions).reshape(-1, 13)
         R, angular = quat_xyzw_to_matrix(motions[:, 3:7]), motions[:, 10:]
@@ -50,14 +49,14 @@ class WristImu:
         }
 
     def _read(self) -> None:
-        """Keep position, quat_xyzw, linear and angular velocity, 13 numbers."""
+        """Store position, quat_xyzw, linear and angular velocity, 13 numbers."""
         position, quat, linear, angular = self._world.link_motion(
             self._robot.body, self._robot.first_tool_link
         )
         self._motions.extend((*position, *quat, *linear, *angular))
 
     def _origin_velocities(self, R: Array, linear: Array, angular: Array) -> Array:
-        """Return the velocity of the frame's origin: Bullet gives that of the link's COM."""
+        """Return the velocity of the frame's origin: Bullet has that of the link's COM."""
         com = self._world.inertial_frame(self._robot.body, self._robot.first_tool_link).position
         return np.asarray(linear + np.cross(angular, -turned(R, np.array(com))))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,27 +11,27 @@ from numpy.typing import NDArray
 from grasp_factory.core.enums import Label
 from grasp_factory.core.geometry import Array, pose_matrices
 from grasp_factory.core.linear import product, turned_back
-from grasp_factory.core.schema import MAX_CONTACTS
-from grasp_factory.simulation.robot import Robot
+from grasp_factory.core.sensors import MAX_CONTACTS
+from grasp_factory.simulation.scene import Scene
 from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class TactilePads(Sensor):
-    """The contact points of both pads with the force that the world exerts there.
+    """The contact points of both pads, with the force of the world at each.
 
-    Forces are means over the last physics step. Torsional and rolling friction are not reported
-    by Bullet and so not in the wrench. Points lie one step behind the poses (facts of the engine);
-    at 720 Hz and lift speed that is 0.8 mm.
+    Forces are means over the last physics step. Bullet does not report torsional and rolling
+    friction, so the wrench lacks them. Bullet's points are those of the step before, its poses
+    those after it: at 720 Hz and lift speed that is 0.8 mm.
     """
 
-    def __init__(self, robot: Robot, label_of: Callable[[int, int], int]) -> None:
-        self._robot, self._label_of = robot, label_of
-        self._pad_of = {link: i for i, link in enumerate(robot.pads)}
+    def __init__(self, scene: Scene) -> None:
+        self._robot, self._label_of = scene.robot, scene.label_of
+        self._pad_of = {link: i for i, link in enumerate(scene.robot.pads)}
         self._records = 0
         self._frames, self._rows = array("d"), array("d")
 
     def sample(self, tick: Tick) -> None:
-        """Keep the loaded contacts of the pads and the pads' frames."""
+        """Store the loaded contacts of the pads and the pads' frames."""
         body, record = self._robot.body, self._records
         self._records += 1
         for position, quat in tick.frames[1:]:
@@ -49,7 +48,7 @@ class TactilePads(Sensor):
             place = (record, pad, self._label_of(*other), sign, *position)
             self._rows.extend((*place, *c[7], c[9], c[10], *c[11], c[12], *c[13], -c[8]))
 
-    def streams(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return wrench, points, forces, normals and bodies of the contacts, in pad frames."""
         samples = self._records
         rows = np.array(self._rows, np.float64).reshape(-1, 20)
@@ -86,9 +85,9 @@ class TactilePads(Sensor):
 def _slots(
     group: NDArray[np.int_], is_other: NDArray[np.bool_], strength: Array
 ) -> tuple[NDArray[np.int_], NDArray[np.bool_]]:
-    """Return each row's place within its group, and whether it is kept.
+    """Return each row's slot within its group, and whether it is kept.
 
-    The target's come first, for labels are read from them, then the strongest.
+    Contacts with the target come first, as labels depend on them, then the strongest.
     """
     order = np.lexsort((-strength, is_other, group))
     starts = np.r_[True, group[order][1:] != group[order][:-1]] if len(group) else np.zeros(0, bool)

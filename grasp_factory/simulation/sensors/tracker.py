@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.geometry import Array, Pose, inverse
-from grasp_factory.core.linear import dot, product
+from grasp_factory.core.geometry import Array, Pose
+from grasp_factory.core.linear import dot
+from grasp_factory.simulation.scene import Scene
 from grasp_factory.simulation.sensors.base import Sensor, Tick
-from grasp_factory.simulation.world import World
-
-
-def object_frame(world: World, body: int) -> Pose:
-    """Return the pose of a body's own (URDF) frame in the world; Bullet tracks the COM's."""
-    position, quat = world.com_frame(body)
-    T_world_com = Pose(position, quat).matrix()
-    return Pose.from_matrix(product(T_world_com, inverse(world.inertial_frame(body).matrix())))
 
 
 class ObjectTracker(Sensor):
     """The pose of every object's own frame."""
 
-    def __init__(self, world: World, bodies: Sequence[int]) -> None:
-        self._world, self._bodies = world, bodies
+    def __init__(self, scene: Scene) -> None:
+        self._world, self._bodies = scene.world, scene.objects
         self._rows = array("d")
 
     def sample(self, tick: Tick) -> None:
@@ -35,7 +27,7 @@ class ObjectTracker(Sensor):
             position, quat = self._world.com_frame(body)
             self._rows.extend((*position, *quat))
 
-    def streams(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return ``object_pose`` (samples, M, 7)."""
         poses = np.array(self._rows, np.float64).reshape(-1, len(self._bodies), 7)
         for m, body in enumerate(self._bodies):
@@ -60,6 +52,6 @@ def _multiply(a: Array, b: Array) -> Array:
 
 
 def _rotate(quat: Array, v: Array) -> Array:
-    """Return v (3,) turned by each unit quaternion (S, 4), shape (S, 3)."""
+    """Return v (3,) rotated by each unit quaternion (S, 4), shape (S, 3)."""
     t = 2.0 * np.cross(quat[:, :3], v)
     return np.asarray(v + quat[:, 3:] * t + np.cross(quat[:, :3], t))

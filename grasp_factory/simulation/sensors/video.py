@@ -1,34 +1,30 @@
-"""A video of the attempt: what each camera sees, at a low rate of its own."""
+"""A video of the attempt: images of every camera at ``video_hz``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.camera import Camera
 from grasp_factory.core.geometry import Array
-from grasp_factory.simulation.sensors.images import Render
-
-Frames = Mapping[str, tuple[Camera, Render]]
-"""By camera."""
+from grasp_factory.simulation.scene import Scene, render_cameras
+from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
-class VideoRecorder:
-    """Frames of every camera."""
+class VideoRecorder(Sensor):
+    """RGB frames of every camera, and the cameras' poses."""
 
-    def __init__(self, look: Callable[[], Frames]) -> None:
-        self._look = look
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
         self._timestamps: list[float] = []
         self._frames: list[dict[str, tuple[Array, NDArray[np.uint8]]]] = []
 
-    def sample(self, timestamp: float) -> None:
+    def sample(self, tick: Tick) -> None:
         """Take a frame with every camera."""
-        self._timestamps.append(timestamp)
-        # Of a render, only the image is kept, and not as a view of all four channels.
-        frames = self._look()
+        self._timestamps.append(tick.timestamp)
+        # A copy of the image alone: the renderer's RGB is a view of four channels.
+        frames = render_cameras(self._scene)
         self._frames.append(
             {
                 name: (camera.T_world_camera, whole.rgb.copy())
@@ -36,14 +32,11 @@ class VideoRecorder:
             }
         )
 
-    def series(self, cameras: Mapping[str, tuple[int, int]]) -> dict[str, NDArray[Any]]:
-        """Return ``timestamp`` (n,), and ``rgb`` and ``T_world_camera`` of each camera.
-
-        Args:
-            cameras: Width and height of each camera's images, pixels.
-        """
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return ``timestamp`` (n,), and ``rgb`` and ``T_world_camera`` of each camera."""
         out: dict[str, NDArray[Any]] = {"timestamp": np.array(self._timestamps, np.float64)}
-        for name, (width, height) in cameras.items():
+        width, height = self._scene.spec.resolution
+        for name in self._scene.spec.cameras:
             poses = [frames[name][0] for frames in self._frames]
             rgb = [frames[name][1] for frames in self._frames]
             out[f"{name}/rgb"] = np.array(rgb, np.uint8).reshape(-1, height, width, 3)

@@ -10,28 +10,27 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.geometry import quat_xyzw_to_matrix
 from grasp_factory.core.linear import turned
-from grasp_factory.simulation.robot import Robot
+from grasp_factory.simulation.scene import Scene
 from grasp_factory.simulation.sensors.base import Sensor, Tick
-from grasp_factory.simulation.world import World
 
 
 class WristForceTorque(Sensor):
-    """The load on the flange sensor: what the tool does to it, weight and inertia included.
+    """The load of the tool on the flange sensor, weight and inertia included.
 
     A tool of mass m at rest reads a force of m g along gravity; an object held adds its weight.
     Bullet reports the opposite, what the parent exerts on the child, about the child's centre of
     mass and in its inertial axes; here it is about the sensor's origin and in the sensor's axes.
     """
 
-    def __init__(self, world: World, robot: Robot) -> None:
-        self._world, self._robot = world, robot
+    def __init__(self, scene: Scene) -> None:
+        self._world, self._robot = scene.world, scene.robot
         self._rows = array("d")
 
     def sample(self, tick: Tick) -> None:
-        """Keep the joint's reaction."""
+        """Store the joint's reaction."""
         self._rows.extend(tick.joints[-1][2])
 
-    def streams(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return ``wrist_wrench`` (samples, 6): force N, torque N m."""
         reaction = np.array(self._rows, np.float64).reshape(-1, 6)
         com = self._world.inertial_frame(self._robot.body, self._robot.first_tool_link)

@@ -24,18 +24,6 @@ KEYS = {"name": "v2", "separator": "."}
 # a NaN or a -0.0 of the episode could come back with other bits than went in.
 RUNTIME: Any = {"write_empty_chunks": True}
 
-_DIMENSIONS = {
-    "T": "step",
-    "J": "joint",
-    "M": "object",
-    "P": "contact",
-    "A": "array",
-    "U": "imu_step",
-    "V": "video_frame",
-    "H": "row",
-    "W": "column",
-}
-
 
 def shape(row: schema.Field, config: FactoryConfig, joints: int, n: int) -> tuple[int, ...]:
     """Return the shape of a field's array for ``n`` episodes."""
@@ -73,9 +61,9 @@ def create_array(
 
 def dimension_names(row: schema.Field) -> list[str]:
     """Return a name for each dimension of a field's array; those of a letter are shared."""
-    leaf = row.path.rsplit("/", 1)[-1]
+    leaf, shared = row.path.rsplit("/", 1)[-1], schema.dimension_names()
     own = [
-        _DIMENSIONS[dim] if isinstance(dim, str) else f"{leaf}_{axis}"
+        shared[dim] if isinstance(dim, str) else f"{leaf}_{axis}"
         for axis, dim in enumerate(row.dims, start=1)
     ]
     return ["episode", *own]
