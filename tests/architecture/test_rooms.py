@@ -17,6 +17,7 @@ import pytest
 import grasp_factory
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.sensors import SENSORS
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.policies import POLICIES
 from grasp_factory.robots import ROBOTS
@@ -254,6 +255,7 @@ TABLES: dict[str, Any] = {
     "objects": OBJECT_SETS,
     "policies": POLICIES,
     "robots": ROBOTS,
+    "sensors": SENSORS,
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -92,9 +92,9 @@ def array_documents(path: Path, config: FactoryConfig) -> Iterator[tuple[str, An
         yield name, document, fault
 
 
-def group_faults(path: Path, config: FactoryConfig) -> Iterator[tuple[str, str]]:
-    """Give path and fault of each group that is damaged."""
-    parents = {str(p) for row in schema.expand(config) for p in Path(row.path).parents}
+def group_faults(path: Path, arrays: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield path and fault of each damaged group among those of a store's arrays."""
+    parents = {str(parent) for name in arrays for parent in Path(name).parents}
     for name in sorted(parents - {"."}):
         _, fault = read_document(path / name / FILE)
         if fault:

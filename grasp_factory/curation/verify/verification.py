@@ -107,7 +107,7 @@ def verify(
 
 def structure_problems(pieces: PartialStore) -> list[Problem]:
     """Return the problems of groups, and of what the store has beside its rows."""
-    groups = group_faults(pieces.path, pieces.config)
+    groups = group_faults(pieces.path, pieces.fields)
     out = [Problem(episode=None, array=name, what=fault) for name, fault in groups]
     for found in (carried_problems, label_problems, annotation_problems):
         out += found(pieces)
