@@ -1,4 +1,4 @@
-"""The one table of the store: every array with its dimensions, type, unit, frame and meaning.
+"""The table of the store: every array with its dimensions, type, unit, frame and meaning.
 
 Writers, the reader, the checks and the README's table follow it. The arrays of sensors are declared
 in ``sensors.py``.

@@ -22,11 +22,11 @@ from grasp_factory.simulation.world import EngineRow, wake
 STALLED_SPEED = 0.001
 """m/s: fingers slower than this have come to rest."""
 STALLED_S = 0.1
-"""Seconds for which they must be that slow before the lift begins."""
+"""Seconds for which they must stay this slow before the lift begins."""
 
 
 class Attempt:
-    """Executes one planned grasp in a settled scene, recording as it goes."""
+    """Executes one planned grasp in a settled scene, and records it."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene

@@ -1,8 +1,8 @@
 """Camera images: RGB, metric depth and stable scene labels.
 
-What never moves is rendered once and composited: with shadows off, a pixel belongs to whatever
-has the smaller z-buffer value, so the result is the full render's, bit for bit (a test holds it
-to that), at a tenth of the time.
+Static bodies are rendered once and composited: with shadows off, a pixel belongs to the body with
+the smaller z-buffer value. The result equals a full render bit for bit (a test checks that), in a
+tenth of the time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from grasp_factory.simulation.world import World
 S = TypeVar("S", bound=np.generic)
 _BODY_MASK = (1 << 24) - 1
 ROWS = 16
-"""Of an image, whose depth is worked out together."""
+"""Rows of an image whose depth is computed at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +36,13 @@ class Render:
     rgb: NDArray[np.uint8]
     """(H, W, 3)."""
     zbuffer: NDArray[np.float32]
-    """(H, W), 1 where nothing is seen."""
+    """(H, W), 1 where no body is visible."""
     mask: NDArray[np.int32]
     """(H, W): body + (link + 1) * 2^24, or -1."""
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes."""
+        """Its memory, bytes."""
         return self.rgb.nbytes + self.zbuffer.nbytes + self.mask.nbytes
 
     def pixels_of(self, body: int) -> int:
@@ -59,7 +59,7 @@ class Render:
         )
 
     def packed(self) -> Render:
-        """Return it in memory of its own: the renderer's RGB is a view of four channels."""
+        """Return a contiguous copy: the renderer's RGB is a view of four channels."""
         return Render(self.rgb.copy(), self.zbuffer.copy(), self.mask.copy())
 
 
@@ -82,10 +82,10 @@ def make_camera(
 
     Args:
         name: Of the camera.
-        config: Where it looks, in the frame of its mount.
+        config: Its pose, in the frame of its mount, and its field of view.
         resolution: Width and height, pixels.
-        renderer: What draws its images.
-        T_world_mount: Pose (4, 4) of what it is fixed to; None for the world itself.
+        renderer: The renderer of its images.
+        T_world_mount: Pose (4, 4) of the body that it is fixed to; None for the world itself.
     """
     width, height = resolution
     intrinsics = Intrinsics.from_fov(width, height, math.radians(config.fov_y_deg), renderer)
@@ -104,14 +104,14 @@ def develop(whole: Render, camera: Camera, labels: NDArray[np.uint8]) -> CameraI
     """Turn a render into an image: metric depth and stable labels.
 
     Args:
-        whole: Everything there is to see.
-        camera: What it was seen by.
-        labels: ``Label`` by [body, link + 1], as ``Scene.labels`` has it.
+        whole: Render of all bodies.
+        camera: The camera of the render.
+        labels: ``Label`` by [body, link + 1] (``Scene.labels``).
     """
     depth = _depth(whole.zbuffer, camera)
     segmentation = _segmentation(whole.mask, labels)
     for image in (whole.rgb, depth, segmentation):
-        image.flags.writeable = False  # a policy sees the very arrays that are stored
+        image.flags.writeable = False  # policies get the same arrays that are stored
     return CameraImage(
         rgb=whole.rgb,
         depth=depth,
@@ -122,7 +122,7 @@ def develop(whole: Render, camera: Camera, labels: NDArray[np.uint8]) -> CameraI
 
 
 def _depth(zbuffer: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
-    """Return metres (H, W); a few rows at a time, in double precision, stay in the cache."""
+    """Return metres (H, W), computed in double precision, a few rows at a time to fit the cache."""
     depth = np.empty_like(zbuffer)
     for top in range(0, len(zbuffer), ROWS):
         rows = slice(top, top + ROWS)
@@ -133,5 +133,5 @@ def _depth(zbuffer: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
 def _segmentation(mask: NDArray[np.int32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the label of each pixel (H, W)."""
     places = (mask & _BODY_MASK) * labels.shape[1] + (mask >> 24)
-    places[mask < 0] = labels.size  # nothing seen
+    places[mask < 0] = labels.size  # no body
     return np.asarray(np.append(labels.ravel(), np.uint8(Label.BACKGROUND))[places])

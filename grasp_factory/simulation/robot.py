@@ -64,7 +64,7 @@ class Robot:
         )
 
     def command_arm(self, positions: Sequence[float], velocities: Sequence[float], hz: int) -> None:
-        """Command the arm alone; the gripper goes on with what it was told."""
+        """Command the arm alone; the gripper keeps its last command."""
         self._world.command_positions(
             self.body,
             self.arm,

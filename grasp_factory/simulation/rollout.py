@@ -1,4 +1,4 @@
-"""One episode from its recipe: build, settle, look, plan, execute, look again, label."""
+"""One episode from its recipe: build, settle, render, plan, execute, render again, label."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ For a parallel gripper it is the same grasp with the fingers swapped."""
 
 
 def run_episode(world: World, spec: EpisodeSpec) -> Episode:
-    """Simulate one recipe; the result depends on nothing but the recipe.
+    """Simulate one recipe; the result depends on the recipe alone.
 
     Raises:
         RecipeError: if an object cannot be loaded, the simulation diverges, or the episode scores
             less than the recipe asks for.
-        UnknownNameError: if the recipe names what the tables do not have.
+        UnknownNameError: if the recipe has a name that is not in the tables.
     """
     scene = build_scene(world, spec)
     object_com = np.array([world.inertial_frame(body).position for body in scene.objects])
@@ -111,8 +111,8 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
 def choose(scene: Scene, plan: GraspPlan) -> tuple[Grasp | None, GraspMotion | None]:
     """Return the first grasp of a plan that the robot can reach, and the motion to it.
 
-    Of a grasp and its half turn the one with the shorter way is tried first. When none can be
-    reached, the first grasp is returned without motion.
+    Of a grasp and its half turn, the one with the shorter path is tried first. If no grasp can be
+    reached, the first one is returned without motion.
     """
     robot = scene.robot
     home = np.array(robot.model.home)
@@ -153,7 +153,7 @@ def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> 
 
 
 def _graded(episode: Episode) -> Episode:
-    """Return the episode with what was measured of its quality, and its score.
+    """Return the episode with its quality measurements and its score.
 
     Raises:
         RecipeError: if it scores less than its recipe asks for.

@@ -1,4 +1,4 @@
-"""The scene of an episode: floor, table, robot, objects; built, settled, looked at."""
+"""The scene of an episode, floor, table, robot and objects: build, settle and render it."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from grasp_factory.simulation.visibility import visible_shares
 from grasp_factory.simulation.world import DATA, World, put_to_sleep, wake
 
 WHITE = (1.0, 1.0, 1.0)
-"""What a texture multiplies where neither recipe nor model has a colour."""
+"""Colour of a textured object, if neither recipe nor model has one: the texture is unchanged."""
 
 SETTLED_WAY = 0.0003
-"""Metres that the centre of mass of a resting object may move within ``SETTLED_S``."""
+"""Metres by which the centre of mass of a resting object may move within ``SETTLED_S``."""
 SETTLED_TURN = 0.006
-"""Radians that it may turn: a point 5 cm from the centre moves by the way above."""
+"""Radians by which it may turn: a point 5 cm from the centre moves by ``SETTLED_WAY``."""
 SETTLED_S = 0.25
-"""Displacement is judged, not velocity: that of a compound of hulls at rest chatters with the
-solver at several mm/s, though the object stays where it is."""
+"""Seconds of the window. Displacement is the criterion, not velocity: at rest, the velocity of a
+compound of hulls oscillates by several mm/s because of the solver."""
 SETTLE_CHECKS_PER_WINDOW = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A built world; from here on nothing moves but by physics."""
+    """A built world; from now on only physics moves anything."""
 
     world: World
     spec: EpisodeSpec
@@ -108,18 +108,18 @@ def _load_object(world: World, recipe: ObjectSpec) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """How the fall ended."""
+    """Result of the fall."""
 
     outcome: Outcome | None
-    """Why the attempt cannot go on; None when it can."""
+    """Why there can be no attempt; None if there can."""
     at_rest: NDArray[np.bool_]
     """Which objects, (M,)."""
 
 
 def settle(scene: Scene) -> Settled:
-    """Let the objects fall until all on the table are at rest, or the time for it is over.
+    """Let the objects fall until all on the table are at rest, or until the time limit.
 
-    They sleep from then on, if they are at rest.
+    If they are at rest, they sleep from then on.
 
     Raises:
         RecipeError: if the simulation diverged.
@@ -139,7 +139,7 @@ def settle(scene: Scene) -> Settled:
 
 
 def _fall(scene: Scene) -> tuple[Array, NDArray[np.bool_]]:
-    """Step until all objects on the table are at rest, or the time for it is over.
+    """Step until all objects on the table are at rest, or until the time limit.
 
     Returns:
         The poses (M, 7) of their centres of mass, and which of them are at rest, (M,).
@@ -171,7 +171,7 @@ def _is_calm(poses: Array, at_rest: NDArray[np.bool_]) -> bool:
 def _awaited(poses: Array, workspace: WorkspaceConfig) -> NDArray[np.bool_]:
     """Return which objects (M,) must come to rest: the target, and those in or above the workspace.
 
-    One that rolls away over the table has nothing to do with the attempt.
+    An object that rolls away over the table does not affect the attempt.
     """
     xy, lower, upper = poses[:, :2], workspace.lower[:2], workspace.upper[:2]
     inside = ((xy >= lower) & (xy <= upper)).all(axis=1)
@@ -185,7 +185,7 @@ def is_inside(point: Array, workspace: WorkspaceConfig) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """An image, and what only the simulator knows about it."""
+    """An image, and ground truth about it from the simulator."""
 
     image: CameraImage
     visibility: NDArray[np.float32]
@@ -202,12 +202,12 @@ def take_shots(scene: Scene) -> dict[str, Shot]:
 
 
 def render_cameras(scene: Scene) -> dict[str, tuple[Camera, Render]]:
-    """Render what every camera sees."""
+    """Render the images of all cameras."""
     return {name: scene.stage.look(name, scene.robot) for name in scene.spec.cameras}
 
 
 def observe(scene: Scene, images: Mapping[str, CameraImage]) -> SceneView:
-    """Return what a policy may know."""
+    """Return the input of a policy."""
     return SceneView(
         images=images,
         joint_positions=scene.robot.arm_positions(),
@@ -238,7 +238,7 @@ def _poses(scene: Scene) -> Array:
 
 
 def _are_close(before: Array, after: Array) -> NDArray[np.bool_]:
-    """Return which objects have not moved or turned more than one at rest may."""
+    """Return which objects have moved and turned no more than an object at rest may."""
     way = norm(after[:, :3] - before[:, :3])
     half_cosine = np.abs((before[:, 3:] * after[:, 3:]).sum(axis=1)).clip(max=1.0)
     return np.asarray((way < SETTLED_WAY) & (2 * arccos(half_cosine) < SETTLED_TURN))

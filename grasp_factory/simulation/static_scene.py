@@ -1,4 +1,4 @@
-"""What never moves, and the cameras that look at it: floor, table, foot, light, backgrounds."""
+"""The static part of a scene: floor, table, robot base, light, cameras and their backgrounds."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ FLOOR_SIZE = (8.0, 8.0, 0.10)
 TABLE_FRICTION = 1.0
 """The pair's friction is the product, so the object's own value decides."""
 TABLE_ROLLING_FRICTION = 0.001
-"""Metres of rolling resistance, so that round things come to rest. It sits on the table and not
-on the objects, because Bullet does not report rolling moments and touch must be whole."""
+"""Metres of rolling resistance, so that round objects come to rest. The table has it, not the
+objects: Bullet does not report rolling moments, so pads would miss part of the contact wrench."""
 TABLE_SPINNING_FRICTION = 0.001
-"""As above, against spinning on the spot, which nothing else would stop for a ball."""
+"""The same for spinning in place: nothing else would stop a spinning ball."""
 
 FOOT = (-1,)
 """Links of a robot that never move: its base."""
 
 MAX_BACKGROUNDS = 64
-"""Backgrounds that are kept: a hundred episodes fill them, and memory is flat from then on."""
+"""Size of the cache of backgrounds: it is full after about a hundred episodes."""
 MAX_BACKGROUND_BYTES = 200_000_000
-"""For all of them: 59 at 640x480, or 19 surroundings seen by three cameras."""
+"""Of the whole cache: 59 at 640x480, or 19 surroundings with three cameras each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
     """Floor and table, hidden in the world, and the cameras.
 
-    What a still camera sees of floor, table and the robot's foot is rendered once, and composited
-    with what moves.
+    For a static camera, floor, table and the robot's base are rendered once, and composited with
+    what moves.
     """
 
     world: World
@@ -55,9 +55,9 @@ class Stage:
     """Body."""
     surroundings: Surroundings
     still: Mapping[str, tuple[Camera, Render]]
-    """The cameras that stand still, each with its background; none where nothing composites."""
+    """Static cameras, each with its background; empty if the renderer cannot composite."""
     moving: Mapping[str, CameraConfig]
-    """The others: those on the hand."""
+    """The other cameras: those on the hand."""
     resolution: tuple[int, int]
 
     def look(self, name: str, robot: Robot) -> tuple[Camera, Render]:
@@ -80,11 +80,11 @@ class Stage:
 
 _Key = tuple[Surroundings, CameraConfig, tuple[int, int], str]
 _backgrounds: dict[_Key, Render] = {}
-"""Kept over episodes, for those that share their surroundings."""
+"""A cache over episodes, for those with the same surroundings."""
 
 
 def set_stage(world: World, spec: EpisodeSpec) -> Stage:
-    """Empty the world and put floor and table there, with all cameras around them."""
+    """Empty the world, add floor and table, and set up all cameras."""
     still = {
         name: c
         for name, c in spec.cameras.items()
@@ -100,9 +100,9 @@ def set_stage(world: World, spec: EpisodeSpec) -> Stage:
 def _background(world: World, spec: EpisodeSpec, name: str) -> tuple[Camera, Render]:
     """Return a camera and its render of floor, table and foot alone.
 
-    It is made in a world of its own. The engine's images depend a little, in the last bit of rare
-    pixels, on how many there were since the last reset, and an episode must not notice whether
-    its background was there already.
+    It is rendered after a reset of the world. The engine's images depend a little, in the last bit
+    of rare pixels, on how many were rendered since the last reset, and an episode must not depend
+    on whether its background was cached.
     """
     config = spec.cameras[name]
     camera = make_camera(name, config, spec.resolution, world.renderer)
@@ -112,7 +112,7 @@ def _background(world: World, spec: EpisodeSpec, name: str) -> tuple[Camera, Ren
         _dress(world, *_start(world, spec), spec.surroundings)
         _load_foot(world, lookup(ROBOTS, "robot", spec.robot))
         found = render(world, camera, spec.surroundings.light).packed()
-    _backgrounds[key] = found  # the last one of the dictionary is the one used last
+    _backgrounds[key] = found  # the last entry is the most recently used
     most = max(1, min(MAX_BACKGROUNDS, MAX_BACKGROUND_BYTES // found.nbytes))
     while len(_backgrounds) > most:
         del _backgrounds[next(iter(_backgrounds))]
@@ -127,7 +127,7 @@ def _start(world: World, spec: EpisodeSpec) -> tuple[int, int]:
 
 
 def _load_foot(world: World, model: RobotModel) -> None:
-    """Load a robot's foot, where it stands when the whole robot is there."""
+    """Load a robot's base where the whole robot has it."""
     file = foot_of(model.path())
     world.load_urdf(file, IDENTITY, fixed=True, file_inertia=model.file_inertia)
 

@@ -1,4 +1,4 @@
-"""How much of each object the camera sees, against how much it would see of it alone."""
+"""Visible share of each object: its pixels in the image against those when it is alone."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def visible_shares(
 ) -> NDArray[np.float32]:
     """Return the share of each object's pixels in an image that nothing hides, (M,).
 
-    Each object is rendered alone for it. It is 0 for an object outside the image.
+    Each object is rendered alone for this. The share is 0 for an object outside the image.
 
     Args:
-        world: What stands still must be hidden in it.
-        others: Bodies that move and are no objects.
+        world: Static bodies must be hidden in it.
+        others: Moving bodies that are not objects.
         objects: Bodies.
         camera: What the image was taken with.
         whole: The image.
@@ -46,7 +46,7 @@ def visible_shares(
 
 
 def _window(world: World, body: int, camera: Camera) -> Camera | None:
-    """Return the part of a camera's image that holds a body, None if it holds none of it."""
+    """Return the part of a camera's image that shows a body; None if no part does."""
     size = np.array([camera.intrinsics.width, camera.intrinsics.height])
     corners = np.array(list(itertools.product(*zip(*world.bounds(body), strict=True))))
     in_camera = apply(inverse(camera.T_world_camera), corners)

@@ -1,4 +1,4 @@
-"""Time, phase and level of the shake of each record."""
+"""Time, phase and shake level of each record."""
 
 from __future__ import annotations
 
