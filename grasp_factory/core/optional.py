@@ -23,9 +23,13 @@ def require(*modules: str, extra: str) -> None:
     """
     missing = [name for name in modules if find_spec(name) is None]
     if missing:
-        raise UsageError(
-            f"this needs {', '.join(missing)}, not installed: pip install 'grasp-factory[{extra}]'"
-        )
+        raise missing_libraries(*missing, extra=extra)
+
+
+def missing_libraries(*modules: str, extra: str) -> UsageError:
+    """Return the error to raise when libraries of an extra are not installed."""
+    names = ", ".join(modules)
+    return UsageError(f"this needs {names}, not installed: pip install 'grasp-factory[{extra}]'")
 
 
 def require_pybullet() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import multiprocessing
 import os
 import pickle
@@ -14,14 +13,13 @@ import traceback
 from multiprocessing import connection
 from typing import Any
 
+from grasp_factory.core.parent_process import end_with_parent
 from grasp_factory.factory.executors.base import Task
-
-_PR_SET_PDEATHSIG = 1
 
 
 def serve(task: Task[Any, Any], pipe: connection.Connection[Any, Any]) -> None:
     """Do jobs until the pipe closes. Runs in the worker."""
-    _end_with_parent()
+    end_with_parent()
     signal.signal(signal.SIGTERM, _leave)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # held back while it started
     os.dup2(2, 1)  # PyBullet prints warnings on stdout, which belongs to the command's result
@@ -49,12 +47,6 @@ def _leave(*_: Any) -> None:
     # Where this interrupts a finaliser, the exit would only be printed, and the worker go on.
     sys.unraisablehook = lambda _: os._exit(code)
     sys.exit(code)
-
-
-def _end_with_parent() -> None:
-    """Have the kernel kill this process with its parent, even where it hangs in C code."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _die_with_parent() -> None:

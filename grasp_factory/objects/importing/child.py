@@ -14,8 +14,8 @@ from typing import Any
 
 import grasp_factory
 from grasp_factory.core.cache import digest
+from grasp_factory.core.optional import missing_libraries
 from grasp_factory.core.serialization import from_plain, to_plain
-from grasp_factory.errors import UsageError
 from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.job import Converted, Job, decode, encode, message_length
 
@@ -68,10 +68,7 @@ class Child:
             self.stop()
             raise
         if "missing" in reply:
-            raise UsageError(
-                f"importing meshes needs {reply['missing']!r}, which is not installed:"
-                " pip install 'grasp-factory[meshes]'"
-            )
+            raise missing_libraries(reply["missing"], extra="meshes")
         if "failed" in reply:
             self.stop()
             raise CrashError(reply["failed"])

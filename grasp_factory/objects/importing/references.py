@@ -6,6 +6,7 @@ import posixpath
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from grasp_factory.core.package_files import SCHEME
 from grasp_factory.errors import shown
 from grasp_factory.objects.importing.base import MESH_SUFFIXES, UnusableError
 from grasp_factory.objects.importing.folder_listing import suffix
@@ -38,8 +39,8 @@ def mesh_file(reference: str, urdf: str) -> tuple[str, ...]:
         raise UnusableError(f"its mesh {shown(reference)} is no {', '.join(MESH_SUFFIXES)} file")
     path = reference.replace("\\", "/")
     here = posixpath.dirname(urdf)
-    if path.startswith("package://"):
-        path = path.removeprefix("package://")
+    if path.startswith(SCHEME):
+        path = path.removeprefix(SCHEME)
         rest = path.partition("/")[2]
         options = [path, rest, posixpath.join(here, rest), posixpath.join(here, "..", rest)]
     elif "://" in path or path.startswith(("/", "~", "file:")):

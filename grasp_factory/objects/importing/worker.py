@@ -6,13 +6,12 @@ this process and nothing else, and its memory has a limit.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import resource
-import signal
 import sys
 import warnings
 
+from grasp_factory.core.parent_process import end_with_parent
 from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.objects.importing.base import UnusableError
@@ -23,7 +22,6 @@ MAX_MEMORY = 6 * 2**30
 CPU_LIMIT_S = 120
 """Of all its threads, for one object; ordinary ones take up to 15."""
 MISSING = "missing"
-_PR_SET_PDEATHSIG = 1
 
 
 def main() -> None:
@@ -32,18 +30,12 @@ def main() -> None:
     os.dup2(2, 1)  # libraries print what they like
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    _end_with_parent()
+    end_with_parent()  # an importer that is killed cannot end this process
     warnings.simplefilter("ignore")
     while message := receive(sys.stdin.buffer):
         _limit_cpu()
         replies.write(_answer(message))
         replies.flush()
-
-
-def _end_with_parent() -> None:
-    """Have the kernel end this process when the importer is killed and cannot do it itself."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 def _limit_cpu() -> None:

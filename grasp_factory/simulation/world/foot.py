@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
+from grasp_factory.core.package_files import SCHEME
 from grasp_factory.simulation.world.memory import file_in_memory
 from grasp_factory.simulation.world.urdf import with_packages
 
@@ -24,4 +25,4 @@ def foot_of(path: Path) -> Path:
 
 
 def _absolute(mesh: str, folder: Path) -> str:
-    return str(folder / mesh.removeprefix("package://"))
+    return str(folder / mesh.removeprefix(SCHEME))
