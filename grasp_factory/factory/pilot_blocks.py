@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import glob
 import math
 import os
 import resource
-import shutil
-import socket
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import StoreSummary, summarise
 from grasp_factory.factory import embedded_assets
@@ -185,15 +182,12 @@ def _mean_start(pilots: Sequence[Pilot]) -> float:
 
 @contextlib.contextmanager
 def _place_beside(out: Path) -> Iterator[Path]:
-    """Give a folder on the disk of ``out``, and remove it, with what killed ones have left."""
+    """Yield a folder on the disk of ``out``, which is removed at the end."""
     target = locate(out)
-    head = f".{target.name}.pilots-{socket.gethostname()}-"
-    for left in target.parent.glob(f"{glob.escape(head)}*"):
-        if not Path(f"/proc/{left.name.removeprefix(head).partition('-')[0]}").exists():
-            shutil.rmtree(left, ignore_errors=True)
-    try:
-        folder = tempfile.TemporaryDirectory(dir=target.parent, prefix=f"{head}{os.getpid()}-")
-    except OSError as error:
-        raise cannot_write(out, error) from None
-    with folder as place:
-        yield Path(place)
+    with contextlib.ExitStack() as stack:
+        try:
+            folder = scratch_folder(target.parent, f"{target.name}.pilots")
+            place = stack.enter_context(folder)
+        except OSError as error:
+            raise cannot_write(out, error) from None
+        yield place

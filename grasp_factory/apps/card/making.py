@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +26,7 @@ from grasp_factory.apps.card.readme import (
 from grasp_factory.apps.card.table import write_table
 from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.apps.pictures.sheet import choose_episodes, sheet_of, write_png
+from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import array_facts
 from grasp_factory.errors import UsageError
@@ -91,8 +91,8 @@ def write_card(
     described = _describe(dataset, store, facts, publication or Publication())
     try:
         folder.mkdir(exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".card", dir=folder) as scratch:
-            made = _make_files(Path(scratch), dataset, facts, described, _below(store, folder))
+        with scratch_folder(folder, "card") as scratch:
+            made = _make_files(scratch, dataset, facts, described, _below(store, folder))
             place(made, folder)
     except OSError as error:
         raise cannot_write(folder, error) from None

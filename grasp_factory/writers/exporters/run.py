@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from grasp_factory.core.output_file import is_in_store
+from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.errors import StoreError, UsageError
 from grasp_factory.writers.exporters.base import EpisodeSource, ExportContents, Exporter, ExportJob
 
@@ -54,8 +54,8 @@ def run_export(
     chosen = exporter.settings(settings)
     _check_place(out, exporter.suffix)
     try:
-        with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}.exporting-") as aside:
-            built = Path(aside, out.name)
+        with scratch_folder(out.parent, f"{out.name}.exporting") as scratch:
+            built = scratch / out.name
             contents = exporter.write(
                 ExportJob(
                     source=source,
