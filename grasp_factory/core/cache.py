@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import re
-import tempfile
 from pathlib import Path
+from uuid import uuid4
 
+from grasp_factory.core.atomic_file import replacing
 from grasp_factory.errors import UsageError, shown
 
 VARIABLE = "GRASP_FACTORY_CACHE"
@@ -69,22 +69,16 @@ def read(path: Path) -> bytes | None:
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a file of the cache at once, so that nobody ever sees a part of it.
+    """Write a file of the cache atomically.
 
     Raises:
         UsageError: if it cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".new-")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            os.replace(name, path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.unlink(name)
-            raise
+        # A name of its own: other processes may write the same file at this moment.
+        with replacing(path, path.with_name(f".new-{uuid4().hex}")) as partial:
+            partial.write_bytes(data)
     except OSError as error:
         why = error.strerror or str(error)
         raise UsageError(

@@ -1,4 +1,4 @@
-"""Files that a command writes for its user: where they may go, and how they get there whole."""
+"""Files that a command writes for its user: where they may go, and writing them atomically."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from grasp_factory.core.atomic_file import replacing
 from grasp_factory.errors import StoreError, UsageError
 
 
@@ -69,19 +70,15 @@ def is_in_store(path: Path) -> bool:
 
 @contextlib.contextmanager
 def written_aside(path: Path) -> Iterator[Path]:
-    """Give a name beside ``path`` to write to, which gets its own name when all is well.
+    """Yield a name beside ``path`` to write to; the file becomes ``path`` when the block succeeds.
 
-    It has the same suffix. Whatever ends the block early, nothing stays of it.
+    It has the same suffix. After an error nothing of it stays.
 
     Raises:
         StoreError: if it cannot be written.
     """
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
-        yield partial
-        partial.replace(path)
+        with replacing(path, path.with_name(f".{path.stem}.partial{path.suffix}")) as partial:
+            yield partial
     except OSError as error:
         raise StoreError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
+from grasp_factory.core.atomic_file import partial_path
 from grasp_factory.core.episode import checksum
 from grasp_factory.core.platforms import is_fingerprint
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.row_codec import fixed, is_fill
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray
-from grasp_factory.writers.zarr.atomic_store import aside
 from grasp_factory.writers.zarr.columns import Columns, check_lengths
 from grasp_factory.writers.zarr.digests import digest
 from grasp_factory.writers.zarr.layout import block_files
@@ -175,7 +175,7 @@ class CheckedArray(StoredArray):
         """Say whether a row's block is being written: it has no marker yet, or one that is new."""
         block = row // self._arrays[schema.STATUS.path].zarr.chunks[0]
         marker = block_files(self._store, schema.STATUS, block, range(0))[0]
-        return aside(marker).exists() or not marker.exists()
+        return partial_path(marker).exists() or not marker.exists()
 
     def _refuse(self, row: int) -> None:
         what = f"episode {row} is damaged: {self._path} does not match its checksum"

@@ -25,10 +25,10 @@ from grasp_factory.dataset.sensor_reader import Readings
 from grasp_factory.dataset.sensor_views import EpisodeViews
 from grasp_factory.errors import StoreError, UsageError, lookup
 from grasp_factory.signals.noise import EpisodeNoise, SensorNoise, named_noise
-from grasp_factory.writers.zarr.added_labels import added_columns, added_labels
 from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.header import SOURCES, open_store, read_array
+from grasp_factory.writers.zarr.label_columns import added_columns, added_labels
 
 
 class Dataset(EpisodeViews):

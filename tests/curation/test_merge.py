@@ -27,6 +27,7 @@ from support.scale import scaled
 from support.scenes import SMALL
 from support.stored import old_store
 
+from grasp_factory.core.atomic_file import write_atomic
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.sections import LabelConfig
 from grasp_factory.core.enums import Outcome
@@ -47,7 +48,6 @@ from grasp_factory.errors import (
 from grasp_factory.factory import generate as factory
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr import segment_packing
-from grasp_factory.writers.zarr.files import write_aside
 from grasp_factory.writers.zarr.header import root_attributes
 from grasp_factory.writers.zarr.label_columns import NOT_LABELLED, write_label
 from grasp_factory.writers.zarr.lock import StoreLock
@@ -112,7 +112,7 @@ def edit_attributes(path: Path, **changes: Any) -> None:
     document = json.loads((path / "zarr.json").read_bytes())
     document["attributes"] |= changes
     del document["attributes"][SEAL]
-    write_aside(path / "zarr.json", json.dumps(document).encode())
+    write_atomic(path / "zarr.json", json.dumps(document).encode())
     seal(path / "zarr.json")
 
 
@@ -769,9 +769,7 @@ class TestKilled:
 
         with monkeypatch.context() as patch:
             patch.setattr(os, "replace", move)
-            patch.setattr(
-                "grasp_factory.curation.merge.staged_store.shutil.rmtree", lambda path: None
-            )
+            patch.setattr(shutil, "rmtree", lambda path: None)
             with pytest.raises(Killed):
                 merge([stores / "whole"], out)
         assert not (out / "streams").exists()

@@ -51,8 +51,8 @@ from grasp_factory.errors import GraspFactoryError, StoreError, StoreMismatchErr
 from grasp_factory.factory.generate import generate
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr import chunks, segment_packing
-from grasp_factory.writers.zarr.added_labels import added_labels
 from grasp_factory.writers.zarr.column_segments import FOLDER
+from grasp_factory.writers.zarr.label_columns import added_labels
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 

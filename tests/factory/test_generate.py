@@ -17,6 +17,7 @@ from support.fake_episodes import make_episode, small_config
 from support.helpers import assert_same_tree, tree
 from support.scale import soak_only
 
+from grasp_factory.core.atomic_file import write_atomic
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.curation import replay
@@ -42,7 +43,6 @@ from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.world import World
 from grasp_factory.writers.zarr import segment_packing, writer
 from grasp_factory.writers.zarr.column_segments import segments
-from grasp_factory.writers.zarr.files import write_aside
 from grasp_factory.writers.zarr.lock import StoreLock
 
 CONFIG = small_config()  # blocks of 4
@@ -211,10 +211,10 @@ class TestGrowingACutBlock:
             if left == 0:
                 raise OSError(errno.ENOSPC, "No space left on device")
             left -= 1
-            write_aside(file, data)
+            write_atomic(file, data)
 
         with monkeypatch.context() as patch, pytest.raises(StoreError, match="No space left"):
-            patch.setattr(writer, "write_aside", fails_later)
+            patch.setattr(writer, "write_atomic", fails_later)
             generate(CONFIG, 12, ten, workers=1)
         dataset = Dataset.open(ten, checked=True)
         assert dataset.committed.tolist() == list(range(10))

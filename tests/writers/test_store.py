@@ -26,6 +26,7 @@ from grasp_factory.errors import StaleLockWarning, StoreBusyError, StoreError, S
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr import store
 from grasp_factory.writers.zarr.lock import StoreLock
+from grasp_factory.writers.zarr.staging import StagingFolder
 from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config()
@@ -138,7 +139,7 @@ def test_a_creation_in_an_empty_directory_that_is_killed_is_begun_again(
     (tmp_path / "out").mkdir()
     with monkeypatch.context() as patch, pytest.raises(Crash):
         patch.setattr(os, "replace", crash_at_move(calls, tmp_path / "out"))
-        patch.setattr(store, "_remove_leftovers", lambda place: None)  # nobody is there to do it
+        patch.setattr(StagingFolder, "remove_leftovers", lambda _: None)  # as when killed
         prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
     assert not (tmp_path / "out/zarr.json").exists()
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})

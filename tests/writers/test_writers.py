@@ -251,7 +251,7 @@ def test_a_crash_before_any_array_leaves_the_block_pending_and_redone_to_the_sam
     write_all(tmp_path / "want", CONFIG, 2)
     write_all(tmp_path / "out", CONFIG, 2)
     writer, rows = ZarrWriter(tmp_path / "out"), make_rows(CONFIG, 0, 2, quarantined=(1,))
-    write, left = zarr_module.write_aside, 0
+    write, left = zarr_module.write_atomic, 0
 
     def crash_when_none_is_left(file: Path, data: bytes) -> None:
         nonlocal left
@@ -265,7 +265,7 @@ def test_a_crash_before_any_array_leaves_the_block_pending_and_redone_to_the_sam
         left = survivors
         (tmp_path / "out/episodes/status/0").unlink(missing_ok=True)  # else its rows are kept
         with monkeypatch.context() as patch, pytest.raises(Crash):
-            patch.setattr(zarr_module, "write_aside", crash_when_none_is_left)
+            patch.setattr(zarr_module, "write_atomic", crash_when_none_is_left)
             writer.write_block(0, rows)
         assert pending_blocks(tmp_path / "out", 2) == [0], f"after {survivors} arrays"
         if survivors % 8 == 0 or survivors == arrays - 1:
@@ -344,7 +344,7 @@ def test_everything_is_on_the_disk_before_the_block_is_committed(
 ) -> None:
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 2, {})
     writer, events = ZarrWriter(tmp_path / "out"), []
-    write, sync = zarr_module.write_aside, zarr_module.fsync
+    write, sync = zarr_module.write_atomic, zarr_module.fsync
 
     def log_write(file: Path, data: bytes) -> None:
         events.append(("write", str(file.parent.relative_to(tmp_path / "out"))))
@@ -356,7 +356,7 @@ def test_everything_is_on_the_disk_before_the_block_is_committed(
         events.extend(("sync", name) for name in names)
         sync(paths)
 
-    monkeypatch.setattr(zarr_module, "write_aside", log_write)
+    monkeypatch.setattr(zarr_module, "write_atomic", log_write)
     monkeypatch.setattr(zarr_module, "fsync", log_sync)
     for _ in range(2):
         events.clear()

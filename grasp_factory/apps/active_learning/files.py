@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from grasp_factory.core.atomic_file import write_atomic
 from grasp_factory.core.os_errors import MACHINE_TROUBLE
 from grasp_factory.errors import StoreError, UsageError
-from grasp_factory.writers.zarr.files import write_aside
 
 
 def make_folder(path: Path) -> None:
@@ -46,7 +46,7 @@ def write_if_new(file: Path, data: bytes) -> None:
     if read(file) == data:
         return
     try:
-        write_aside(file, data)
+        write_atomic(file, data)
     except OSError as error:
         raise _told(file, "cannot be written", error) from None
 

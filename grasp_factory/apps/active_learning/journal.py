@@ -10,10 +10,10 @@ from typing import Any
 
 from grasp_factory.apps.active_learning.files import make_folder, read, write_if_new
 from grasp_factory.apps.active_learning.settings import FlywheelSettings
+from grasp_factory.core.atomic_file import partial_path
 from grasp_factory.core.config.factory_config import first_difference
 from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import ConfigError, UsageError
-from grasp_factory.writers.zarr.atomic_store import aside
 
 FILE = "flywheel.json"
 FORMAT = 1
@@ -37,7 +37,7 @@ class Journal:
         if there is not None:
             self._check(there)
             return
-        if {path.name for path in folder.iterdir()} - {aside(self._file).name}:
+        if {path.name for path in folder.iterdir()} - {partial_path(self._file).name}:
             raise UsageError(
                 f"{folder} holds other things and no {FILE}; choose a folder that is new or empty"
             )

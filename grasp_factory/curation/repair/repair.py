@@ -22,7 +22,7 @@ from grasp_factory.curation.verify.problems import Problem, VerifyReport
 from grasp_factory.curation.verify.verification import verify
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.factory.generate import generate, saying_how_to_go_on
-from grasp_factory.writers.zarr.added_labels import LABEL_COLUMNS
+from grasp_factory.writers.zarr.label_columns import LABEL_COLUMNS
 from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.segment_packing import pack
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory import __version__
+from grasp_factory.core.atomic_file import fsync
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.curation.repair.rebuild import (
@@ -35,7 +36,6 @@ from grasp_factory.factory.retry_policy import Losses
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S
 from grasp_factory.writers.zarr.column_segments import FOLDER, segments, unpack_block
 from grasp_factory.writers.zarr.embedded import carried_by
-from grasp_factory.writers.zarr.files import fsync
 from grasp_factory.writers.zarr.header import SOURCES, root_attributes
 from grasp_factory.writers.zarr.metadata_checksum import SEAL
 

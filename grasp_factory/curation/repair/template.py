@@ -11,11 +11,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from grasp_factory.core.atomic_file import PARTIAL, fsync, partial_path, write_atomic
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.curation.verify.documents import FILE, read_document
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.writers.zarr.atomic_store import PARTIAL, aside
-from grasp_factory.writers.zarr.files import fsync, locate, write_aside
+from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.header import read_attributes
 from grasp_factory.writers.zarr.metadata_checksum import SEAL
 from grasp_factory.writers.zarr.store import create_store, remove_creation
@@ -98,16 +98,16 @@ class Template:
                 (self._store / parent).unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
         _make_room(folder / FILE)
-        write_aside(folder / FILE, data)
-        fsync([folder / FILE, folder, folder.parent])
+        write_atomic(folder / FILE, data, durable=True)
+        fsync([folder.parent])
 
     def give_empty_group(self, name: str) -> None:
         """Put the ``zarr.json`` of a group without attributes into the store."""
         document = json.loads((self.path / "episodes" / FILE).read_bytes())
         folder = self._store / name
         _make_room(folder / FILE)
-        write_aside(folder / FILE, json.dumps(document | {"attributes": {}}, indent=2).encode())
-        fsync([folder / FILE, folder])
+        data = json.dumps(document | {"attributes": {}}, indent=2).encode()
+        write_atomic(folder / FILE, data, durable=True)
 
     def give_files(self, files: Iterable[Path]) -> None:
         """Move files, in this order, to their places in the store; what is not here goes there.
@@ -139,19 +139,22 @@ def remove_template(place: Path) -> None:
     Raises:
         StoreMismatchError: if something else is there.
     """
+    if place.exists():
+        _check_own(place)
+        for folder in place.iterdir():
+            if folder.is_dir():
+                shutil.rmtree(folder)
+        shutil.rmtree(place)  # last the root's metadata, by which it is recognised
     remove_creation(place)
-    if not place.exists():
-        return
+
+
+def _check_own(place: Path) -> None:
     try:
         if any(place.iterdir()):
             read_attributes(place)
     except (NotADirectoryError, StoreMismatchError, StoreError):
         what = "it is no store that a repair has left; move it"
         raise StoreMismatchError(f"{place} is in the way: {what}") from None
-    for folder in place.iterdir():
-        if folder.is_dir():
-            shutil.rmtree(folder)
-    shutil.rmtree(place)  # what tells that it is ours goes last
 
 
 def _make_room(file: Path) -> None:
@@ -160,7 +163,7 @@ def _make_room(file: Path) -> None:
     Raises:
         StoreError: if there is anything else in it.
     """
-    for place in (file, aside(file)):
+    for place in (file, partial_path(file)):
         if not place.is_dir() or place.is_symlink():
             continue
         others = [name for name in place.rglob("*") if not _OURS.fullmatch(name.name)]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
+from grasp_factory.core.atomic_file import PARTIAL
 from grasp_factory.core.enums import Outcome
 from grasp_factory.curation.verify.documents import FILE, is_empty_group, read_document
 from grasp_factory.curation.verify.foreign_chunks import is_recoded
@@ -21,12 +22,11 @@ from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
 from grasp_factory.dataset.annotations.log_file import NAME as LOG
 from grasp_factory.errors import StoreError, shown
-from grasp_factory.writers.zarr.added_labels import LABEL_COLUMNS, added_labels, is_label
-from grasp_factory.writers.zarr.atomic_store import PARTIAL
 from grasp_factory.writers.zarr.column_segments import BYTES, FOLDER, Segment, segments
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, carried_by, read_carried
 from grasp_factory.writers.zarr.header import open_array, open_store, read_array
+from grasp_factory.writers.zarr.label_columns import LABEL_COLUMNS, added_labels, is_label
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
 from grasp_factory.writers.zarr.segment_packing import NOT_PACKED
 from grasp_factory.writers.zarr.sizes import bytes_of_blocks

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory.core import schema
+from grasp_factory.core.atomic_file import partial_path
 from grasp_factory.core.platforms import is_fingerprint
 from grasp_factory.curation.verify.contents import (
     OF_QUARANTINED,
@@ -30,7 +31,6 @@ from grasp_factory.curation.verify.partial_store import PartialStore, open_piece
 from grasp_factory.curation.verify.problems import GENERATE, REPAIR, Problem
 from grasp_factory.dataset.row_codec import Row
 from grasp_factory.factory.executors import SendMessage
-from grasp_factory.writers.zarr.atomic_store import aside
 from grasp_factory.writers.zarr.layout import block_files
 from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
@@ -95,7 +95,7 @@ class BlockChecker:
             findings.quarantined += status == QUARANTINED
             findings.missing += status == MISSING
             # A block that is being grown has values already of rows that its marker does not name.
-            if status != MISSING or not aside(marker).exists():
+            if status != MISSING or not partial_path(marker).exists():
                 findings.problems += row_problems(row, status, pieces, i)
             missing += [i] if status == MISSING else []
             text = str(row.get(schema.FINGERPRINT.path, ""))

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 import stat
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
+from grasp_factory.core.atomic_file import fsync, write_atomic
+from grasp_factory.core.locked_file import open_locked
 from grasp_factory.dataset.annotations.lines import decode
 from grasp_factory.errors import StoreBusyError, StoreError
-from grasp_factory.writers.zarr.files import fsync, write_aside
 from grasp_factory.writers.zarr.metadata_checksum import is_sealed
 from grasp_factory.writers.zarr.placeholder import write_placeholder
 
@@ -142,8 +143,7 @@ def replace_log(store: Path, data: bytes) -> None:
         OSError: if the disk fails.
     """
     write_placeholder(store, FOLDER, DESCRIPTION)
-    write_aside(log_file(store), data)
-    fsync([log_file(store), store / FOLDER])
+    write_atomic(log_file(store), data, durable=True)
 
 
 def _last_line(descriptor: int, size: int) -> bytes:
@@ -157,29 +157,17 @@ def _last_line(descriptor: int, size: int) -> bytes:
 
 
 def _take(file: Path) -> int:
-    """Open the log and lock it; the lock is the kernel's and goes with its process."""
+    """Return the log's descriptor, locked; wait while others hold the lock."""
     deadline = time.monotonic() + WAIT_S
-    flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    check = partial(_check_regular, file)
     while True:
-        descriptor = os.open(file, flags, 0o666)
-        taken = False
         try:
-            _check_regular(file, descriptor)
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # It may have been replaced between opening and locking: then once more.
-            taken = os.path.samestat(os.fstat(descriptor), os.lstat(file))
+            return open_locked(file, flags=os.O_APPEND, mode=0o666, check=check)
         except BlockingIOError:
             if time.monotonic() > deadline:
                 what = f"another process holds it for more than {WAIT_S:.0f} s"
                 raise StoreBusyError(f"{file} cannot be written: {what}; try again") from None
             time.sleep(0.005)
-        except FileNotFoundError:
-            pass
-        finally:
-            if not taken:
-                os.close(descriptor)
-        if taken:
-            return descriptor
 
 
 def _check_regular(file: Path, descriptor: int) -> None:

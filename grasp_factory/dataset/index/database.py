@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
-import fcntl
 import os
 import sqlite3
 import struct
@@ -12,6 +10,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from grasp_factory.core.atomic_file import move_into_place
+from grasp_factory.core.locked_file import has_name, open_locked
 from grasp_factory.dataset.index.columns import BY_NAME, OF_ROWS
 from grasp_factory.errors import StoreError, UsageError
 
@@ -164,8 +164,10 @@ def built_aside(file: Path) -> Iterator[sqlite3.Connection]:
     place = file.with_name(f".{file.name}.building")
     with contextlib.ExitStack() as stack:
         try:
-            stack.callback(os.close, _locked(place))
-            stack.callback(place.unlink, missing_ok=True)
+            descriptor = open_locked(place, wait=True)
+            stack.callback(os.close, descriptor)
+            stack.callback(_remove_own, place, descriptor)
+            os.ftruncate(descriptor, 0)  # what a killed process left
             connection = stack.enter_context(contextlib.closing(connect(place, "rw")))
             for pragma in ("journal_mode = OFF", "synchronous = OFF", "locking_mode = EXCLUSIVE"):
                 connection.execute(f"PRAGMA {pragma}")
@@ -178,9 +180,7 @@ def built_aside(file: Path) -> Iterator[sqlite3.Connection]:
             connection.execute("PRAGMA locking_mode = NORMAL")
             connection.execute("PRAGMA journal_mode = DELETE")
             connection.close()
-            with place.open("rb") as written:
-                os.fsync(written.fileno())
-            place.replace(file)
+            move_into_place(place, file, durable=True)
         except OSError as error:
             raise _cannot_write(file, error.strerror or str(error)) from None
         except sqlite3.OperationalError as error:
@@ -205,24 +205,10 @@ def gone(file: Path) -> StoreError:
     return StoreError(f"{what}: grasp-factory index STORE... --out {file} makes it anew")
 
 
-def _locked(place: Path) -> int:
-    """Return a descriptor of an empty file of our own, locked."""
-    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-    while True:
-        descriptor = os.open(place, flags, 0o644)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-            if os.path.samestat(os.fstat(descriptor), os.lstat(place)):
-                os.ftruncate(descriptor, 0)
-                return descriptor
-        except FileNotFoundError:  # the other one is done with it
-            pass
-        except OSError as error:
-            os.close(descriptor)
-            if error.errno != errno.ENOLCK:
-                raise
-            raise OSError(error.errno, "its file system has no locks") from None
-        os.close(descriptor)
+def _remove_own(place: Path, descriptor: int) -> None:
+    """Remove a file that is locked, unless it has been renamed: another may have its name then."""
+    if has_name(descriptor, place):
+        place.unlink()
 
 
 def _create_tables(connection: sqlite3.Connection) -> None:

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.atomic_file import fsync
 from grasp_factory.writers.zarr.chunks import open_file
-from grasp_factory.writers.zarr.files import fsync
 
 FOLDER = "packed"
 BYTES = "bytes"

@@ -1,18 +1,12 @@
-"""Files on a disk: where a path leads, surviving a power cut, saying why one cannot be made."""
+"""Where the path of a store leads, and the error to raise when nothing can be written there."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from grasp_factory.core.os_errors import MACHINE_TROUBLE
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.writers.zarr.atomic_store import aside
-
-_WAITING = 16
-"""Files that are waited for at once; on a local disk a block's 140 take a fifth of the time."""
 
 
 def locate(path: Path) -> Path:
@@ -33,41 +27,6 @@ def locate(path: Path) -> Path:
     if not target.name:
         raise StoreMismatchError(f"{path} is the root directory, no store; choose another path")
     return target
-
-
-def fsync(paths: Iterable[Path]) -> None:
-    """Wait until these files or directories are on the disk.
-
-    A directory's fsync makes the names in it durable: files created, renamed or removed there.
-    They are waited for all at once, so that the file system can take them together.
-    """
-    waited_for = list(paths)
-    with ThreadPoolExecutor(_WAITING) as pool:
-        try:
-            done = pool.map(_fsync, waited_for)
-        except RuntimeError:  # no more threads are allowed here: one after the other then
-            done = map(_fsync, waited_for)
-        for _ in done:
-            pass  # what one of them raised is raised here
-
-
-def _fsync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def write_aside(file: Path, data: bytes) -> None:
-    """Write a file aside and rename it: whoever reads it finds all of it or none."""
-    aside(file).write_bytes(data)
-    aside(file).replace(file)
-
-
-def fsync_tree(root: Path) -> None:
-    """Wait until everything below ``root``, and ``root`` itself, is on the disk."""
-    fsync([*root.rglob("*"), root])
 
 
 def cannot_write(path: Path, error: OSError) -> StoreError | StoreMismatchError:

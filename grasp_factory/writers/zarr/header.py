@@ -20,7 +20,7 @@ from grasp_factory.core.machine import platform_facts
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.core.schema import FORMAT, FORMAT_VERSION, Field
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.writers.zarr.atomic_store import AsideStore
+from grasp_factory.writers.zarr.atomic_store import AtomicStore
 from grasp_factory.writers.zarr.files import locate
 
 LICENSE = "MIT"
@@ -110,7 +110,7 @@ def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, Factor
     attributes = read_attributes(path)
     try:
         config = FactoryConfig.from_plain(attributes["config"])
-        store = AsideStore(path, read_only=mode == "r")
+        store = AtomicStore(path, read_only=mode == "r")
         return zarr.open_group(store, mode=mode, zarr_format=3), config
     except Exception as error:  # Zarr raises whatever it likes at damaged metadata
         raise StoreError(f"{path} is damaged: {first_line(error)}") from None

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 import re
 import stat
 from pathlib import Path
 
+from grasp_factory.core.locked_file import CannotLockError, has_name, open_locked, try_upgrade
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.files import cannot_write
 
@@ -38,27 +38,26 @@ class LockFile:
             StoreMismatchError: if the file cannot be made, or something else has its name.
             StoreError: if the disk or its permissions do not let it be made.
         """
-        while self._descriptor is None:
-            descriptor = self._open()
-            taken = False
-            try:
-                holder = self._words(descriptor)
-                kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
-                fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
-                # It may have been removed between opening and locking: then once more.
-                taken = self._is_at_its_place(descriptor)
-            except BlockingIOError:
-                return holder
-            except OSError as error:
-                raise StoreError(
-                    f"{self.file} cannot be locked: {error.strerror}; on a file system without"
-                    " locks give each run a store of its own, and merge them"
-                ) from None
-            finally:
-                if not taken:
-                    os.close(descriptor)
-            if taken:
-                self._descriptor = descriptor
+        if self._descriptor is not None:
+            return None
+        holder: list[str] = []
+
+        def read_holder(descriptor: int) -> None:
+            holder[:] = self._words(descriptor)
+
+        try:
+            self._descriptor = open_locked(self.file, shared=shared, check=read_holder)
+        except BlockingIOError:
+            return holder
+        except CannotLockError as error:
+            raise StoreError(
+                f"{self.file}: {error.strerror}; on a file system without locks give each run a"
+                " store of its own, and merge them"
+            ) from None
+        except OSError as error:
+            if error.errno in (errno.ELOOP, errno.EISDIR, errno.ENXIO):
+                raise self._in_the_way() from None
+            raise cannot_write(self._store, error) from None
         return None
 
     def content(self) -> list[str]:
@@ -74,13 +73,9 @@ class LockFile:
             os.pwrite(self._descriptor, f"{text}\n".encode(), 0)
 
     def upgrade(self) -> bool:
-        """Return whether a shared lock could be made one's own; if not, it is gone."""
+        """Return whether a shared lock could be made exclusive; if not, it is lost."""
         assert self._descriptor is not None
-        try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        return True
+        return try_upgrade(self._descriptor)
 
     def release(self) -> None:
         """Remove the file if nobody else has it, then let go.
@@ -89,22 +84,13 @@ class LockFile:
         """
         if self._descriptor is None:
             return
-        if self.upgrade() and self._is_at_its_place(self._descriptor):
+        if self.upgrade() and has_name(self._descriptor, self.file):
             with contextlib.suppress(OSError):  # so that what stays tells of nobody
                 os.ftruncate(self._descriptor, 0)
             with contextlib.suppress(OSError):  # permission lost: the file stays, the lock goes
                 self.file.unlink()
         os.close(self._descriptor)
         self._descriptor = None
-
-    def _open(self) -> int:
-        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-        try:
-            return os.open(self.file, flags, 0o644)
-        except OSError as error:
-            if error.errno in (errno.ELOOP, errno.EISDIR, errno.ENXIO):
-                raise self._in_the_way() from None
-            raise cannot_write(self._store, error) from None
 
     def _words(self, descriptor: int) -> list[str]:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -115,12 +101,6 @@ class LockFile:
         if len(content) > _LONGEST or not _OURS.fullmatch(content):
             raise self._in_the_way()
         return content.decode(errors="replace").split()
-
-    def _is_at_its_place(self, descriptor: int) -> bool:
-        try:
-            return os.path.samestat(os.fstat(descriptor), os.lstat(self.file))
-        except FileNotFoundError:
-            return False
 
     def _in_the_way(self) -> StoreMismatchError:
         return StoreMismatchError(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.writers.zarr.files import write_aside
+from grasp_factory.core.atomic_file import write_atomic
 
 SEAL = "metadata_sha256"
 """The attribute that holds it."""
@@ -31,10 +31,10 @@ def seal(file: Path) -> None:
 
 
 def set_rows(file: Path, rows: int) -> None:
-    """Change the number of rows in the ``zarr.json`` of an array; its seal stays true."""
+    """Change the number of rows in the ``zarr.json`` of an array, durably; its seal stays valid."""
     document = json.loads(file.read_bytes())
     document["shape"][0] = rows
-    _write(file, document)
+    _write(file, document, durable=True)
 
 
 def is_intact(document: Any) -> bool:
@@ -56,8 +56,8 @@ def values_digest(values: NDArray[Any]) -> str:
     return hashlib.sha256(np.ascontiguousarray(values).data).hexdigest()
 
 
-def _write(file: Path, document: Document) -> None:
-    write_aside(file, json.dumps(document, indent=2).encode())
+def _write(file: Path, document: Document, *, durable: bool = False) -> None:
+    write_atomic(file, json.dumps(document, indent=2).encode(), durable=durable)
 
 
 def _digest(document: Document) -> str:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import zarr
 
-from grasp_factory.writers.zarr.atomic_store import AsideStore
-from grasp_factory.writers.zarr.files import fsync
+from grasp_factory.core.atomic_file import fsync
+from grasp_factory.writers.zarr.atomic_store import AtomicStore
 from grasp_factory.writers.zarr.metadata_checksum import seal
 
 
@@ -22,7 +22,7 @@ def write_placeholder(store: Path, name: str, description: str) -> None:
     folder = store / name
     (folder / "zarr.json").unlink(missing_ok=True)  # of one killed before its seal
     zarr.create_array(
-        AsideStore(folder),  # of the whole store it would look at the root's metadata, too
+        AtomicStore(folder),  # of the whole store it would look at the root's metadata, too
         shape=(0,),
         chunks=(1,),
         dtype="uint8",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.atomic_file import PARTIAL, write_atomic
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.zarr.atomic_store import PARTIAL, aside
 from grasp_factory.writers.zarr.column_segments import BYTES, FOLDER, WORDS, coded, segments
 from grasp_factory.writers.zarr.columns import Columns
-from grasp_factory.writers.zarr.files import fsync
 from grasp_factory.writers.zarr.metadata_checksum import is_sealed
 from grasp_factory.writers.zarr.placeholder import write_placeholder
 from grasp_factory.writers.zarr.sizes import bytes_of_blocks
@@ -91,8 +91,6 @@ def _write(path: Path, blocks: range, members: dict[str, NDArray[Any]]) -> None:
     file = path / FOLDER / f"{blocks.start}-{blocks[-1]}.npz"
     if not is_sealed(path / FOLDER / "zarr.json"):
         write_placeholder(path, FOLDER, DESCRIPTION)
-    with aside(file).open("wb") as opened:
-        np.savez(opened, allow_pickle=False, **members)  # has no dates: the same bytes each time
-    fsync([aside(file)])
-    aside(file).replace(file)
-    fsync([path / FOLDER])
+    content = io.BytesIO()
+    np.savez(content, allow_pickle=False, **members)  # has no dates: the same bytes each time
+    write_atomic(file, content.getbuffer(), durable=True)

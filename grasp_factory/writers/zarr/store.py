@@ -6,8 +6,6 @@ Only one process may do this at a time (see ``lock``), and none while blocks are
 from __future__ import annotations
 
 import contextlib
-import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -18,12 +16,12 @@ import zarr
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
+from grasp_factory.core.atomic_file import fsync_tree, partial_path
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
 from grasp_factory.errors import StoreError, StoreMismatchError
-from grasp_factory.writers.zarr.atomic_store import aside
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, add_carried
-from grasp_factory.writers.zarr.files import cannot_write, fsync, fsync_tree, locate
+from grasp_factory.writers.zarr.files import cannot_write, locate
 from grasp_factory.writers.zarr.header import (
     SOURCES,
     fields_of,
@@ -34,10 +32,10 @@ from grasp_factory.writers.zarr.header import (
 )
 from grasp_factory.writers.zarr.layout import create_array, shape
 from grasp_factory.writers.zarr.metadata_checksum import seal, set_rows
+from grasp_factory.writers.zarr.staging import CREATING, StagingFolder
 from grasp_factory.writers.zarr.writer import COMMITTED
 
 _OTHER = "choose another --out"
-_ASIDE = ".creating"
 
 
 def check_place(path: Path, config: FactoryConfig) -> Path:
@@ -49,7 +47,7 @@ def check_place(path: Path, config: FactoryConfig) -> Path:
     """
     target = locate(path)
     try:
-        if not _is_free(target):
+        if not _creation(target).is_free():
             _check_same(path, config)
     except OSError as error:
         raise StoreError(f"{path} cannot be read: {error.strerror}") from None
@@ -85,7 +83,7 @@ def prepare_store(
     """
     target = locate(path)  # through a link to the store itself, which a rename would replace
     try:
-        if _is_free(target):
+        if _creation(target).is_free():
             attributes = root_attributes(config, extra)
             create_store(target, config, attributes, joints=joints, n=n, carried=carried)
         else:
@@ -106,15 +104,6 @@ def missing_rows(path: Path, *, quarantined: bool = False) -> NDArray[np.int64]:
     """
     status = Columns.open(path).read("status")["status"]
     return np.flatnonzero((status != COMMITTED) if quarantined else (status == 0))
-
-
-def _is_free(target: Path) -> bool:
-    """Say whether a store may be created: nothing is there, or what a killed creation left."""
-    if not target.exists():
-        return True
-    if not target.is_dir() or (target / "zarr.json").exists():
-        return False
-    return (target / _ASIDE).is_dir() or not any(target.iterdir())
 
 
 def create_store(
@@ -140,65 +129,35 @@ def create_store(
         StoreMismatchError: if something that is not ours is in the way.
         OSError: if the disk fails.
     """
-    inside = target.exists()  # an empty directory, perhaps a mount point: it stays what it is
-    aside = target / _ASIDE if inside else target.with_name(f".{target.name}{_ASIDE}")
-    if aside.exists():
-        _remove_leftovers(target if inside else aside)
-    aside.mkdir()
-    try:
-        root = zarr.create_group(aside, zarr_format=3, attributes=dict(attributes))
+    with _creation(target).building() as folder:
+        root = zarr.create_group(folder, zarr_format=3, attributes=dict(attributes))
         for row in schema.expand(config):
             create_array(root, row, config, joints, n)
         for name, content in carried.items():
             add_carried(root, name, content)
-        for metadata in aside.rglob("zarr.json"):
+        for metadata in folder.rglob("zarr.json"):
             seal(metadata)
-        fsync_tree(aside)
-        if inside:
-            for piece in sorted(aside.iterdir(), key=lambda piece: piece.name == "zarr.json"):
-                fsync([target])  # what makes it a store comes last on the disk, too
-                os.replace(piece, target / piece.name)
-            aside.rmdir()
-            fsync([target])
-        else:
-            os.replace(aside, target)
-            fsync([target.parent])
-    except BaseException:
-        with contextlib.suppress(OSError, StoreMismatchError):  # else the next creation does it
-            if aside.exists() and not (target / "zarr.json").exists():
-                _remove_leftovers(target if inside else aside)
-        raise
+        fsync_tree(folder)
 
 
 def remove_creation(target: Path) -> None:
-    """Remove what a creation that was killed has left beside ``target``.
+    """Remove what a killed ``create_store`` has left of a store at ``target``.
 
     Raises:
         StoreMismatchError: if something that is not ours is in it.
     """
-    aside = target.with_name(f".{target.name}{_ASIDE}")
-    if aside.exists():
-        _remove_leftovers(aside)
+    _creation(target).remove_leftovers()
 
 
-def _remove_leftovers(place: Path) -> None:
-    """Remove what a creation that did not end has left: metadata and what stores carry.
-
-    ``place`` is what it made itself, which goes too, or the empty directory that it began with.
-    """
-    # Anything else there is not ours to delete.
-    files = (p for p in place.rglob("*") if p.is_symlink() or not p.is_dir())
-    others = [p for p in files if p.is_symlink() or not _is_of_creation(p.relative_to(place))]
-    if others:
-        raise StoreMismatchError(f"{place} is in the way: it holds {others[0].name}; move it")
-    if place.name.endswith(_ASIDE):
-        shutil.rmtree(place)
-        return
-    for piece in sorted(place.iterdir(), key=lambda piece: piece.name == _ASIDE):
-        shutil.rmtree(piece)  # the directory that marks a creation goes last
+def _creation(target: Path) -> StagingFolder:
+    return StagingFolder(target, CREATING, _is_of_creation)
 
 
 def _is_of_creation(file: Path) -> bool:
+    """Return whether ``create_store`` makes such a file: metadata or embedded data.
+
+    The data of a block is not, so leftovers are never removed together with episodes.
+    """
     is_chunk = file.name.partition(".")[0].isdigit()
     return file.name.startswith("zarr.") or (
         is_chunk and not DESCRIPTIONS.keys().isdisjoint(file.parts)
@@ -226,7 +185,7 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     there, so they take the length that is asked for now, be it shorter.
     """
     with contextlib.suppress(OSError):  # the mark of a creation that was killed at its very end
-        (path / _ASIDE).rmdir()
+        (path / CREATING).rmdir()
     root, _ = open_store(path, mode="r+")
     own = fields_of(path, config, root.attrs.asdict()).values()
     fields = sorted(own, key=lambda row: row == schema.STATUS)
@@ -235,10 +194,9 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     for row, array in arrays.items():
         _check_layout(path, row, array, shape(row, config, joints, n))
     for row, array in arrays.items():
-        aside(path / row.path / "zarr.json").unlink(missing_ok=True)
+        partial_path(path / row.path / "zarr.json").unlink(missing_ok=True)
         if array.shape[0] != n:
             set_rows(path / row.path / "zarr.json", n)
-            fsync([path / row.path / "zarr.json", path / row.path])
 
 
 def _check_layout(

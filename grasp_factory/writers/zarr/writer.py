@@ -10,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
+from grasp_factory.core.atomic_file import fsync, partial_path, write_atomic
 from grasp_factory.core.episode import Episode, checksum
 from grasp_factory.core.schema import Field
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.base import Quarantined, Writer, check_count, check_rows, texts_of
-from grasp_factory.writers.zarr.atomic_store import aside
 from grasp_factory.writers.zarr.column_segments import unpack_block
 from grasp_factory.writers.zarr.digests import digests
 from grasp_factory.writers.zarr.encoding import packed_chunk, packed_shard
-from grasp_factory.writers.zarr.files import fsync, write_aside
 from grasp_factory.writers.zarr.header import SOURCES, fields_of, open_array, open_store, read_array
 from grasp_factory.writers.zarr.layout import ZSTD_LEVEL, block_files
 
@@ -141,9 +140,9 @@ class ZarrWriter(Writer):
         """Say of rows that are missing by the marker, but will have values, that it goes on."""
         for row in self._fields:
             for file in self._files_of(row, block):
-                aside(file).unlink(missing_ok=True)
+                partial_path(file).unlink(missing_ok=True)
         marker = self._files_of(schema.STATUS, block)[0]
-        aside(marker).touch()
+        partial_path(marker).touch()
         fsync([marker.parent])
 
     def _clear(self, block: int) -> None:
@@ -155,20 +154,20 @@ class ZarrWriter(Writer):
         for row in self._fields:
             for file in self._files_of(row, block):
                 file.unlink(missing_ok=True)
-                aside(file).unlink(missing_ok=True)
+                partial_path(file).unlink(missing_ok=True)
 
     def _write(self, row: Field, block: int, values: Sequence[Values]) -> list[Path]:
         """Write a field's files of a block and return them."""
         files = self._files_of(row, block)
         if not row.is_video:
-            write_aside(files[0], self._packed(row, [value.get(row.path) for value in values]))
+            write_atomic(files[0], self._packed(row, [value.get(row.path) for value in values]))
             return files
         written = []
         for file, value in zip(files, values, strict=False):
             frames = value.get(row.path, ())
             if len(frames):
                 room = self._arrays[row.path].shape[1]
-                write_aside(file, packed_shard(list(frames), room, ZSTD_LEVEL))
+                write_atomic(file, packed_shard(list(frames), room, ZSTD_LEVEL))
                 written.append(file)
         return written
 

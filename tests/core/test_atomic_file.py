@@ -1,0 +1,56 @@
+"""Files that are written atomically, and the order in which they reach the disk."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+import pytest
+from support.faulty_disk import FaultyDisk
+
+from grasp_factory.core.atomic_file import partial_path, replacing, write_atomic
+
+
+def test_a_durable_write_syncs_the_content_before_the_name(tmp_path: Path) -> None:
+    with FaultyDisk(tmp_path, lambda done: False, errno.EIO, stays=False).installed() as disk:
+        write_atomic(tmp_path / "file", b"new", durable=True)
+    assert disk.done == [
+        "write file.partial",
+        "fsync file.partial",
+        "replace file.partial",
+        "fsync .",
+    ]
+    assert (tmp_path / "file").read_bytes() == b"new"
+
+
+def test_a_write_that_is_not_durable_syncs_nothing(tmp_path: Path) -> None:
+    with FaultyDisk(tmp_path, lambda done: False, errno.EIO, stays=False).installed() as disk:
+        write_atomic(tmp_path / "file", b"new")
+    assert disk.done == ["write file.partial", "replace file.partial"]
+
+
+@pytest.mark.parametrize("step", ["write", "fsync", "replace"])
+def test_a_write_that_fails_leaves_the_file_as_it_was(tmp_path: Path, step: str) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(b"old")
+    faulty = FaultyDisk(tmp_path, lambda done: done.startswith(step), errno.ENOSPC, stays=False)
+    with faulty.installed(), pytest.raises(OSError, match="No space left"):
+        write_atomic(file, b"new", durable=True)
+    assert file.read_bytes() == b"old"
+    write_atomic(file, b"new", durable=True)
+    assert file.read_bytes() == b"new"
+    assert not partial_path(file).exists()
+
+
+def test_a_replacement_that_fails_removes_the_partial_file(tmp_path: Path) -> None:
+    file, partial = tmp_path / "file", tmp_path / "other"
+    file.write_bytes(b"old")
+    with pytest.raises(ZeroDivisionError), replacing(file, partial):
+        partial.write_bytes(b"half")
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == [file]
+    assert file.read_bytes() == b"old"
+    with replacing(file, partial):
+        partial.write_bytes(b"new")
+    assert list(tmp_path.iterdir()) == [file]
+    assert file.read_bytes() == b"new"
