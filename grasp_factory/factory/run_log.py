@@ -13,7 +13,6 @@ import warnings
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from grasp_factory import __version__
@@ -57,12 +56,7 @@ class RunLog:
         self._started, self._clock = datetime.now(UTC), time.monotonic()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Write the line.
 
         A diary that cannot be written costs no episode: of that it only warns.

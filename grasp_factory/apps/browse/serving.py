@@ -9,7 +9,6 @@ import logging
 import socket
 import threading
 from collections.abc import Iterable
-from types import TracebackType
 from typing import Any, Self
 
 from flask import Flask
@@ -89,12 +88,7 @@ class Server:
     def __enter__(self) -> Self:
         return self.start()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
 

@@ -15,14 +15,14 @@ from grasp_factory.curation.relabel import relabel
 from grasp_factory.curation.repair.rebuild import RebuiltEpisode, checksums
 from grasp_factory.curation.repair.repair_session import RepairSession
 from grasp_factory.curation.repair.template import remove_template, template_place
-from grasp_factory.curation.verify.auxiliary_data import LABELS, leftovers, thresholds_of
+from grasp_factory.curation.verify.auxiliary_data import leftovers, thresholds_of
 from grasp_factory.curation.verify.documents import FILE
 from grasp_factory.curation.verify.partial_store import open_pieces
 from grasp_factory.curation.verify.problems import Problem, VerifyReport
 from grasp_factory.curation.verify.verification import verify
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.factory.generate import generate, saying_how_to_go_on
-from grasp_factory.writers.zarr.label_columns import LABEL_COLUMNS
+from grasp_factory.writers.zarr.label_columns import LABEL_COLUMNS, LABELS
 from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.segment_packing import pack
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import shutil
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from grasp_factory.curation.repair.rebuild import (
 )
 from grasp_factory.curation.repair.template import Template
 from grasp_factory.curation.verify.annotation_log import mend_annotations
-from grasp_factory.curation.verify.auxiliary_data import LABELS, leftovers
+from grasp_factory.curation.verify.auxiliary_data import leftovers
 from grasp_factory.curation.verify.documents import COPY_ROOT, FILE, has_config, read_document
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.curation.verify.problems import Problem, VerifyReport
@@ -37,7 +38,9 @@ from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S
 from grasp_factory.writers.zarr.column_segments import FOLDER, segments, unpack_block
 from grasp_factory.writers.zarr.embedded import carried_by
 from grasp_factory.writers.zarr.header import SOURCES, root_attributes
+from grasp_factory.writers.zarr.label_columns import LABELS
 from grasp_factory.writers.zarr.metadata_checksum import SEAL
+from grasp_factory.writers.zarr.store import create_store
 
 FEW = 2
 """Blocks up to which no process is started."""
@@ -135,8 +138,15 @@ class RepairSession:
             files = embedded_assets.packed(config)
         except ConfigError:  # this machine has lost some of it
             files = {}
-        joints = len(robot.arm_joints)
-        return Template(self._path, config, attributes, joints=joints, rows=rows, carried=files)
+        create = partial(
+            create_store,
+            config=config,
+            attributes={key: value for key, value in attributes.items() if key != SEAL},
+            joints=len(robot.arm_joints),
+            n=rows,
+            carried=files,
+        )
+        return Template(self._path, create)
 
     def _mend_documents(
         self, template: Template, pieces: PartialStore, damaged: Iterable[str]

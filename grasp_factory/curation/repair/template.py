@@ -6,19 +6,16 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from grasp_factory.core.atomic_file import PARTIAL, fsync, partial_path, write_atomic
-from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.curation.verify.documents import FILE, read_document
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.header import read_attributes
-from grasp_factory.writers.zarr.metadata_checksum import SEAL
-from grasp_factory.writers.zarr.store import create_store, remove_creation
+from grasp_factory.writers.zarr.store import remove_creation
 
 _OURS = re.compile(r"(zarr\.json|c|[0-9]+(\.[0-9]+)*)(" + re.escape(PARTIAL) + ")?")
 """Names of what a store's arrays consist of."""
@@ -31,44 +28,30 @@ class Template:
         path: where it is.
     """
 
-    def __init__(
-        self,
-        store: Path,
-        config: FactoryConfig,
-        attributes: Mapping[str, Any],
-        *,
-        joints: int,
-        rows: int,
-        carried: Mapping[str, bytes],
-    ) -> None:
-        """Make nothing yet; see ``create_store`` for what it will be made of."""
-        self._store, self.path = locate(store), template_place(store)
-        self._config, self._joints, self._rows, self._carried = config, joints, rows, carried
-        self._attributes = {key: value for key, value in attributes.items() if key != SEAL}
+    def __init__(self, store: Path, create: Callable[[Path], None]) -> None:
+        """Create nothing yet.
+
+        Args:
+            store: the store that is repaired.
+            create: creates an empty store like it at the path that it is called with.
+        """
+        self._store, self.path, self._create = locate(store), template_place(store), create
 
     def __enter__(self) -> Self:
-        """Make it.
+        """Create the template.
 
         Raises:
-            StoreMismatchError: if something else has its place.
+            StoreMismatchError: if something else is at its path.
             StoreError: if the disk fails.
         """
         try:
             remove_template(self.path)
-            create_store(
-                self.path, self._config, self._attributes,
-                joints=self._joints, n=self._rows, carried=self._carried,
-            )  # fmt: skip
+            self._create(self.path)
         except OSError as error:
             raise StoreError(f"{self.path} cannot be written: {error.strerror}") from None
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Remove it."""
         shutil.rmtree(self.path, ignore_errors=True)
 
@@ -86,12 +69,19 @@ class Template:
         return ""
 
     def give_document(self, name: str) -> None:
-        """Put the ``zarr.json`` of an array or group into the store, in place of its own.
+        """Replace the ``zarr.json`` of an array or group in the store by the template's.
 
         Raises:
-            StoreError: if a folder with something else in it has its place.
+            StoreError: if a folder with other files has its path.
         """
-        data = (self.path / name / FILE).read_bytes()
+        self._write_document(name, (self.path / name / FILE).read_bytes())
+
+    def give_empty_group(self, name: str) -> None:
+        """Write the ``zarr.json`` of a group without attributes into the store."""
+        document = json.loads((self.path / "episodes" / FILE).read_bytes())
+        self._write_document(name, json.dumps(document | {"attributes": {}}, indent=2).encode())
+
+    def _write_document(self, name: str, data: bytes) -> None:
         folder = self._store / name
         for parent in reversed([folder, *folder.relative_to(self._store).parents]):
             if not (self._store / parent).is_dir():
@@ -100,14 +90,6 @@ class Template:
         _make_room(folder / FILE)
         write_atomic(folder / FILE, data, durable=True)
         fsync([folder.parent])
-
-    def give_empty_group(self, name: str) -> None:
-        """Put the ``zarr.json`` of a group without attributes into the store."""
-        document = json.loads((self.path / "episodes" / FILE).read_bytes())
-        folder = self._store / name
-        _make_room(folder / FILE)
-        data = json.dumps(document | {"attributes": {}}, indent=2).encode()
-        write_atomic(folder / FILE, data, durable=True)
 
     def give_files(self, files: Iterable[Path]) -> None:
         """Move files, in this order, to their places in the store; what is not here goes there.

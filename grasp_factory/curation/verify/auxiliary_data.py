@@ -26,16 +26,19 @@ from grasp_factory.writers.zarr.column_segments import BYTES, FOLDER, Segment, s
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, carried_by, read_carried
 from grasp_factory.writers.zarr.header import open_array, open_store, read_array
-from grasp_factory.writers.zarr.label_columns import LABEL_COLUMNS, added_labels, is_label
+from grasp_factory.writers.zarr.label_columns import (
+    LABEL_COLUMNS,
+    LABELS,
+    added_labels,
+    is_label,
+)
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
 from grasp_factory.writers.zarr.segment_packing import NOT_PACKED
 from grasp_factory.writers.zarr.sizes import bytes_of_blocks
+from grasp_factory.writers.zarr.staging import CREATING
 
-LABELS = "labels"
 _BESIDE = (ANNOTATIONS, LABELS, FOLDER, *DESCRIPTIONS)
 """Folders with a check of their own."""
-CREATING = ".creating"
-"""Ends the name of the folder of a label that is being made."""
 _OWN_PARTIAL = re.compile(r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz)" + re.escape(PARTIAL))
 _CHUNK = re.compile(r"[0-9]+(\.[0-9]+)*")
 _NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")

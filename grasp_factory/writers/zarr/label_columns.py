@@ -25,6 +25,8 @@ from grasp_factory.writers.zarr.metadata_checksum import (
 )
 from grasp_factory.writers.zarr.staging import CREATING, StagingFolder
 
+LABELS = "labels"
+"""The group of added labels."""
 LABEL_COLUMNS = ("outcome", "success")
 LONGEST_NAME = 64
 NOT_LABELLED = 255
@@ -36,7 +38,7 @@ def is_label(store: Path, name: str) -> bool:
 
     It is one if it has the folder of a column, or sealed metadata.
     """
-    folder = store / "labels" / name
+    folder = store / LABELS / name
     if name.startswith(".") or not folder.is_dir():
         return False
     has_column = any((folder / column).is_dir() for column in LABEL_COLUMNS)
@@ -45,7 +47,7 @@ def is_label(store: Path, name: str) -> bool:
 
 def added_labels(store: Path) -> list[str]:
     """Return the names of a store's added labels, sorted."""
-    found = (file.parent.name for file in (store / "labels").glob("*/zarr.json"))
+    found = (file.parent.name for file in (store / LABELS).glob("*/zarr.json"))
     return sorted(name for name in found if is_label(store, name))
 
 
@@ -57,7 +59,7 @@ def added_columns(store: Path) -> dict[str, zarr.Array[Any]]:
     """
     root, _ = open_store(store, mode="r")
     labels = added_labels(store)
-    paths = [f"labels/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
+    paths = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
     return {path: open_array(root, path) for path in paths}
 
 
@@ -73,11 +75,11 @@ def write_label(
     if not name.isidentifier() or len(name) > LONGEST_NAME:
         valid = f"letters, digits and _, at most {LONGEST_NAME}"
         raise UsageError(f"label name {name[:LONGEST_NAME]!r}, valid: {valid}")
-    target = path / "labels" / name
+    target = path / LABELS / name
     if target.exists():
         raise UsageError(f"{path} has a label {name!r} already: choose another name")
     root, _ = open_store(path, mode="r+")
-    root.require_group("labels")
+    root.require_group(LABELS)
     with StagingFolder(target, CREATING).building() as folder:
         _write_columns(folder, outcome, {"thresholds": dict(thresholds)})
         for metadata in folder.rglob("zarr.json"):

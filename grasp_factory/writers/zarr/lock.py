@@ -14,7 +14,6 @@ import time
 import warnings
 from abc import ABC, abstractmethod
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from grasp_factory.errors import StaleLockWarning, StoreBusyError
@@ -53,12 +52,7 @@ class _Lock(ABC):
         """
 
     @abstractmethod
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let go."""
 
     def _lock_inside(self, kind: int) -> None:
@@ -140,12 +134,7 @@ class StoreLock(_Lock):
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let go."""
         self._unlock_inside()
         self._lock.release()
@@ -202,12 +191,7 @@ class ShardLock(_Lock):
             self._parts()
         return self.is_alone
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let go."""
         self._unlock_inside()
         self._whole.release()
