@@ -38,7 +38,7 @@ class GraspFactoryWarning(UserWarning):
 
 
 class StaleLockWarning(GraspFactoryWarning):
-    """A lock was taken over from a process that ended without letting go of it."""
+    """A lock was taken over from a process that ended without releasing it."""
 
 
 class GraspFactoryError(Exception):

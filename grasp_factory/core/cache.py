@@ -1,4 +1,4 @@
-"""Where imported objects and models are kept here; what is read back is checked by its hash."""
+"""The cache of imported objects and models; files are checked by their hash when they are read."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def cache_dir() -> Path:
-    """Return the cache's directory: ``$GRASP_FACTORY_CACHE``, or the one that XDG has for us.
+    """Return the cache's directory: ``$GRASP_FACTORY_CACHE``, or XDG's.
 
     Raises:
-        UsageError: if the engine could not load meshes from there.
+        UsageError: if the physics engine could not load meshes from there.
     """
     try:
         path = Path(os.environ.get(VARIABLE) or _user_cache() / "grasp-factory").absolute()
@@ -50,12 +50,12 @@ def digest(data: bytes) -> str:
 
 
 def is_digest(text: str) -> bool:
-    """Say whether a text is a SHA-256 in hex; only such a text becomes a file's name."""
+    """Return whether a text is a SHA-256 in hex; only such a text becomes a file's name."""
     return _SHA256.fullmatch(text) is not None
 
 
 def read_checked(path: Path) -> bytes | None:
-    """Return the content of a file that is named by its hash; None if absent or damaged."""
+    """Return the content of a file that is named by its hash; None if it is absent or damaged."""
     data = read(path)
     return data if data is not None and digest(data) == path.stem else None
 

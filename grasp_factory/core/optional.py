@@ -1,4 +1,4 @@
-"""Libraries that may be missing: what needs them says in one line how to install them."""
+"""Optional libraries: the error that says how to install a missing one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trouble of the machine: what no episode and no program is to blame for."""
+"""OS errors caused by the disk, permissions or limits."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ MACHINE_TROUBLE = DISK_TROUBLE | {
     errno.ESTALE,
     errno.ETIMEDOUT,
 }
-"""Numbers of errors that come and go with disk, permissions and limits."""
+"""Numbers of these errors."""
 GO_ON = "what is committed stays: mend that and run the same command again to go on"
-"""Ends the message of a run that the machine stopped."""
+"""Ends the message of a run that such an error stopped."""
 NO_THREAD = "can't start new thread"
-"""What Python says, in a RuntimeError, where processes or memory are limited."""
+"""Text of the RuntimeError that Python raises where processes or memory are limited."""

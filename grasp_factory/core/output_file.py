@@ -14,19 +14,19 @@ from grasp_factory.errors import StoreError, UsageError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileKind:
-    """A format that files have, and how to know it."""
+    """A file format, and how to recognise it."""
 
     what: str
-    """With its article: a GIF animation."""
+    """Its name with the article: a GIF animation."""
     suffix: str
     """Lower case, with the dot."""
     magic: bytes
-    """What such files have near their beginning."""
+    """Bytes near the beginning of each such file."""
     offset: int = 0
-    """Bytes before that."""
+    """Bytes before the magic."""
 
     def is_that_of(self, path: Path) -> bool:
-        """Say whether an existing file is of this format.
+        """Return whether an existing file is of this format.
 
         Raises:
             OSError: if it cannot be read.
@@ -37,18 +37,18 @@ class FileKind:
 
 
 def check_out(path: Path, kinds: Sequence[FileKind]) -> FileKind:
-    """Return the format that a file's name asks for, if it may be written there.
+    """Return the format that a file's name stands for, if the file may be written.
 
-    A file that is there already is replaced if it has that format, and is let alone otherwise.
+    An existing file is replaced if it has that format; another one is an error.
 
     Raises:
-        UsageError: if the name ends otherwise, the folder does not exist or is a store's, or
-            something else is there.
+        UsageError: if the name has another suffix, the folder does not exist or is in a store, or
+            another file has the name.
     """
     kind = next((kind for kind in kinds if path.suffix.lower() == kind.suffix), None)
     if kind is None:
         valid = " or ".join(kind.suffix for kind in kinds)
-        raise UsageError(f"{path}: what would it be? valid: a name that ends in {valid}")
+        raise UsageError(f"{path}: unknown format, valid: a name that ends in {valid}")
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist")
     if is_in_store(path):
@@ -58,12 +58,12 @@ def check_out(path: Path, kinds: Sequence[FileKind]) -> FileKind:
     except OSError as error:
         raise UsageError(f"{path} cannot be replaced: {error.strerror}") from None
     if not is_free:
-        raise UsageError(f"{path} is there and is not {kind.what}: choose another name")
+        raise UsageError(f"{path} exists and is not {kind.what}: choose another name")
     return kind
 
 
 def is_in_store(path: Path) -> bool:
-    """Say whether a path is that of a Zarr store or inside one, links on the way followed."""
+    """Return whether a path is a Zarr store or inside one; links on the way are followed."""
     real = Path(os.path.realpath(path.parent), path.name)
     return any((above / "zarr.json").exists() for above in (real, *real.parents))
 

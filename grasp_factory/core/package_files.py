@@ -1,4 +1,4 @@
-"""Files that packages ship: found without importing the packages."""
+"""Files of installed packages, found without importing the packages."""
 
 from __future__ import annotations
 

@@ -306,7 +306,7 @@ class TestAFile:
     def test_replaces_a_video_and_nothing_else(self, tmp_path: Path, name: str) -> None:
         path = tmp_path / name
         path.write_text("my diary")
-        with pytest.raises(UsageError, match="is there and is not"):
+        with pytest.raises(UsageError, match="exists and is not"):
             check_video(path, (48, 32), 20.0, 1)
         assert path.read_text() == "my diary"
         path.unlink()
@@ -317,7 +317,7 @@ class TestAFile:
         assert frames_of(path)[0][0].mean() == pytest.approx(200.0, abs=8.0)
         path.unlink()
         path.mkdir()
-        with pytest.raises(UsageError, match="is there and is not"):
+        with pytest.raises(UsageError, match="exists and is not"):
             check_video(path, (48, 32), 20.0, 1)
 
     @pytest.mark.parametrize("name", ["v.mp4", "v.gif"])

@@ -309,7 +309,7 @@ class TestCommand:
             (("9",), "has episodes 0 to 3"),
             (("0", "--out", "r.bin"), "a name that ends in .rrd"),
             (("0", "--out", "nowhere/r.rrd"), "the folder nowhere does not exist"),
-            (("0", "--out", "mine.rrd"), "is there and is not a Rerun recording"),
+            (("0", "--out", "mine.rrd"), "exists and is not a Rerun recording"),
         ],
     )
     def test_refuses_what_cannot_be(
@@ -425,5 +425,5 @@ def test_a_file_is_named_after_store_and_episode(tmp_path: Path) -> None:
 
 
 def test_a_place_for_no_recording_is_told_before_anything_is_read(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="what would it be"):
+    with pytest.raises(UsageError, match="unknown format"):
         recording.write_recording(Dataset.open(TINY), 0, tmp_path / "r.txt")

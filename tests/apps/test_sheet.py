@@ -233,7 +233,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"the folder .* does not exist"):
         write_png(tmp_path / "no" / "s.png", image)
     (tmp_path / "d.png").mkdir()
-    with pytest.raises(UsageError, match=r"d\.png is there and is not a PNG image"):
+    with pytest.raises(UsageError, match=r"d\.png exists and is not a PNG image"):
         write_png(tmp_path / "d.png", image)
 
 
@@ -253,7 +253,7 @@ def test_a_disk_without_room_leaves_nothing(
 def test_what_is_no_picture_is_not_written_over(tmp_path: Path) -> None:
     path = tmp_path / "s.png"
     path.write_text("mine")
-    with pytest.raises(UsageError, match="is there and is not a PNG image"):
+    with pytest.raises(UsageError, match="exists and is not a PNG image"):
         write_png(path, np.zeros((2, 2, 3), np.uint8))
     assert path.read_text() == "mine"
 

@@ -121,7 +121,7 @@ def check_end(process: subprocess.Popen[str], out: Path, codes: set[int]) -> str
 def check_completion(out: Path, want: Path) -> None:
     said = complete(out)
     assert said.count("\n") <= 1
-    assert said == "" or said.startswith("Warning: a run that ended without letting go")
+    assert said == "" or said.startswith("Warning: a run that ended did not release")
     assert_same_tree(want, out)
     assert sorted(path.name for path in out.parent.iterdir()) == ["ds.zarr", "ds.zarr.runs.jsonl"]
 

@@ -350,7 +350,7 @@ class TestChild:
             ("os.abort()", r"crashed \(SIGABRT\)"),
             ("sys.exit(3)", r"crashed \(exit code 3\)"),
             ("time.sleep(60)", "took more than 1 s"),
-            ("os.write(1, b'x' * 100)", "gave too much"),
+            ("os.write(1, b'x' * 100)", "returned too much data"),
         ],
     )
     def test_a_conversion_that_dies_or_hangs_is_a_reason(

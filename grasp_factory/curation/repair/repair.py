@@ -1,4 +1,4 @@
-"""Repairing a store: what verifying finds is made again, and verified again."""
+"""Repairing a store: what verify finds is rebuilt, and the store is verified again."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.segment_packing import pack
 
 DAMAGED = ".damaged"
-"""Ends the name of a label's folder that is kept until the label is made again."""
+"""Ends the name of a damaged label's folder, which is kept until the label is rebuilt."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,15 +37,15 @@ class RepairReport:
     before: VerifyReport
     after: VerifyReport
     mended: tuple[str, ...]
-    """What was made again or removed, one line each."""
+    """What was repaired or removed, one line each."""
     failed: tuple[str, ...]
-    """What could not be, and why."""
+    """What could not be repaired, and why, one line each."""
     remade: tuple[RebuiltEpisode, ...]
     """Episodes that were simulated again."""
 
     @property
     def is_whole(self) -> bool:
-        """True when the store has no problem any more."""
+        """Whether the store has no problem any more."""
         return self.after.is_whole
 
 
@@ -57,16 +57,16 @@ def repair(
     on_start: Callable[[int], None] = lambda rows: None,
     on_episode: Callable[[int], None] = lambda row: None,
 ) -> RepairReport:
-    """Make again what is damaged or missing in the store at ``path``; what is whole stays.
+    """Rebuild what is damaged or missing in the store at ``path``; what is intact stays.
 
-    A repair that is killed leaves no row worse than it was: run it again. A recipe that may end its
-    process is simulated in another one: call it under ``if __name__ == "__main__":``.
+    A repair that is killed damages no row: run it again. A recipe that may crash its process is
+    simulated in another one, so call this under ``if __name__ == "__main__":``.
 
     Args:
         path: the store.
         workers: processes; with 1 most work is done in this one.
-        accept_other_platform: simulate here also rows that were made where bytes may differ; they
-            say so afterwards. Otherwise they are left as they are.
+        accept_other_platform: simulate here also rows of a platform with other bytes; they are
+            recorded as rows of this platform. Otherwise they stay as they are.
         on_start: called with the number of rows before each time they are verified.
         on_episode: called with the number of each row that is verified or simulated.
 
@@ -122,7 +122,7 @@ def _generated(
     surgery: RepairSession,
     on_episode: Callable[[int], None],
 ) -> list[RebuiltEpisode]:
-    """Let the factory complete the store; return the episodes that it made."""
+    """Generate the absent blocks; return the episodes in them."""
     pieces = open_pieces(path)[0]
     try:
         generate(
@@ -152,7 +152,7 @@ def _labels_of(problems: tuple[Problem, ...]) -> set[str]:
 
 
 def _relabel(path: Path, name: str, surgery: RepairSession) -> None:
-    """Make an added label again from its thresholds; without any, leave it."""
+    """Rebuild an added label from its thresholds; without any it stays as it is."""
     folder = path / LABELS / name
     thresholds = thresholds_of(path, name)
     if thresholds is None:
@@ -174,7 +174,7 @@ def _relabel(path: Path, name: str, surgery: RepairSession) -> None:
 
 
 def _settle(damaged: Path) -> None:
-    """Put a damaged label back, or, where it was made again, remove all of it that is ours."""
+    """Put a damaged label back; if it was rebuilt, remove the damaged one, except users' files."""
     folder = damaged.with_name(damaged.name.removesuffix(DAMAGED)[1:])
     if not folder.exists():
         os.replace(damaged, folder)

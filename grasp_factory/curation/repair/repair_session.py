@@ -1,4 +1,4 @@
-"""Changing a store that is locked: metadata first, then the blocks that hold a broken row."""
+"""Repairing a locked store: metadata first, then the blocks with a damaged row."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ class RepairSession:
     """One repair's changes to a store whose lock is held.
 
     Attributes:
-        mended: what was made again or removed, one line each.
-        failed: what could not be, and why.
+        mended: what was repaired or removed, one line each.
+        failed: what could not be repaired, and why, one line each.
         remade: episodes that were simulated again.
         to_generate: blocks that the factory has to make.
     """
@@ -62,10 +62,10 @@ class RepairSession:
         """Change nothing yet.
 
         Args:
-            path: the store's.
+            path: the store.
             workers: processes.
             on_episode: called with the number of each row that is checked or simulated.
-            accept: rows of another platform are simulated here, too.
+            accept: simulate here also rows of another platform.
         """
         self._path, self._workers, self._on_episode = path, workers, on_episode
         self._accept = accept
@@ -75,16 +75,16 @@ class RepairSession:
         self.to_generate: list[int] = []
 
     def run(self, found: VerifyReport) -> bool:
-        """Mend what was found, but for rows that the factory has to make, and added labels.
+        """Repair what was found, except rows that the factory has to generate, and added labels.
 
         Returns:
-            Whether the rest can be mended: not in a store whose root is damaged.
+            Whether the rest can be repaired: not if the root's metadata is lost.
         """
         problems = found.problems
         if _is_of_root(problems) and not self._mend_root():
             return False
         pieces = open_pieces(self._path)[0]
-        with contextlib.suppress(GraspFactoryError):  # a damaged copy is mended from the cache
+        with contextlib.suppress(GraspFactoryError):  # a damaged copy is repaired from the cache
             embedded_assets.unpack(self._path, pieces.config)
         with self._template(pieces.config, pieces.attributes, pieces.rows) as template:
             damaged = [p.array for p in problems if p.episode is None and p.array]
@@ -96,14 +96,14 @@ class RepairSession:
             if unreadable:
                 self.failed.append("rows stay as they are, for whole arrays cannot be read")
                 return True
-            if has_changed:  # what these arrays hold was not seen yet
+            if has_changed:  # the values of these arrays were not checked yet
                 blocks = range(pieces.blocks)
                 checked = check_blocks(pieces, blocks, self._workers, self._on_episode)
                 problems = tuple(checked.problems)
             size = pieces.config.block_size
             broken = {p.episode // size for p in problems if p.episode is not None}
-            if broken and pieces.rewritten:  # blocks are made in the layout that arrays had
-                what = f"another program has written {min(pieces.rewritten)} anew"
+            if broken and pieces.rewritten:  # blocks are rebuilt in the original layout
+                what = f"another program has rewritten {min(pieces.rewritten)}"
                 how = "take what is whole into a new store with grasp-factory split"
                 self.failed.append(f"rows stay as they are, for {what}: {how}")
                 return True
@@ -111,9 +111,9 @@ class RepairSession:
         return True
 
     def _mend_root(self) -> bool:
-        """Make the root's metadata again; return whether that could be done.
+        """Rebuild the root's metadata; return whether that could be done.
 
-        It is certain where what is left of it says what the whole one would say here and now.
+        It is done only if what is left equals the metadata that is rebuilt here and now.
         """
         place = self._path / FILE
         if has_config(self._path):
@@ -151,7 +151,7 @@ class RepairSession:
     def _mend_documents(
         self, template: Template, pieces: PartialStore, damaged: Iterable[str]
     ) -> bool:
-        """Make metadata and what is carried again; return whether any array's has changed."""
+        """Rebuild metadata and embedded data; return whether the metadata of any array changed."""
         why = ""
         if other := template.differs(pieces.arrays):
             why = f"{FILE} of {other}, which is whole, is not as this version writes it"
@@ -204,9 +204,9 @@ class RepairSession:
             self.mended.append(f"{name} is removed: a run that was killed had left it")
 
     def _mend_blocks(self, template: Template, pieces: PartialStore, blocks: list[int]) -> None:
-        """Keep what is whole of these blocks, and make the rest again.
+        """Keep the intact rows of these blocks, and rebuild the others.
 
-        Those of which there is no file are left to the factory.
+        Blocks without any file are left to the factory.
         """
         losses = Losses(pieces.config.block_size, EPISODE_TIMEOUT_S, self.mended.append)
         begun = [BlockJob(block=block) for block in blocks if _is_begun(pieces, block)]
@@ -248,7 +248,7 @@ class RepairSession:
         self._tell_foreign(foreign)
 
     def _put_in_place(self, template: Template, pieces: PartialStore, made: Mended) -> None:
-        """Move a block that is complete to its place, at once: the template shall not grow."""
+        """Move a complete block into the store at once, so that the template does not grow."""
         unpack_block(self._path, made.block)
         files = files_of(template.path, pieces, made.block)
         others = {template.path / name for name in pieces.rewritten}  # not written as ours are
@@ -258,7 +258,7 @@ class RepairSession:
         self.mended.append(f"rows {rows[0]} to {rows[-1]} are whole again")
 
     def _tell_foreign(self, blocks: list[Mended]) -> None:
-        """Say of rows of another platform that they were simulated here, or that they were not."""
+        """Report whether rows of another platform were simulated here."""
         if not blocks:
             return
         rows = ", ".join(str(row) for block in blocks for row in block.foreign)
@@ -271,23 +271,23 @@ class RepairSession:
             self.failed.append(f"{what}; {how}")
 
     def _leave_untold(self, rows: Iterable[int]) -> None:
-        """Say that rows have lost what tells their platform."""
+        """Report rows whose fingerprint is lost and that differ when they are simulated here."""
         numbers = ", ".join(map(str, rows))
         what = "are lost, and the rows have other bytes when they are simulated here"
         self.failed.append(f"fingerprints of rows {numbers} {what}: repair where they were made")
 
     def _lose(self, rows: Iterable[int]) -> None:
-        """Say that rows cannot be made again."""
+        """Report rows that cannot be rebuilt."""
         if numbers := ", ".join(map(str, rows)):
             what = "cannot be made again: nothing is left that tells the recipe"
             self.failed.append(f"rows {numbers} {what}")
 
 
 def _is_of_root(problems: Iterable[Problem]) -> bool:
-    """Say whether one of these is a problem of the root's own metadata."""
+    """Return whether one of these is a problem of the root's own metadata."""
     return any(problem.episode is None and not problem.array for problem in problems)
 
 
 def _is_begun(pieces: PartialStore, block: int) -> bool:
-    """Say whether there is anything of a block, which then may be kept."""
+    """Return whether any file of a block exists, whose rows may then be kept."""
     return any(file.exists() for file in files_of(pieces.path, pieces, block))

@@ -1,4 +1,4 @@
-"""An empty store like another one, aside, to take metadata and whole blocks from."""
+"""An empty store like the damaged one, beside it: the source of metadata and rebuilt blocks."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from grasp_factory.writers.zarr.header import read_attributes
 from grasp_factory.writers.zarr.store import remove_creation
 
 _OURS = re.compile(r"(zarr\.json|c|[0-9]+(\.[0-9]+)*)(" + re.escape(PARTIAL) + ")?")
-"""Names of what a store's arrays consist of."""
+"""Names of the files and folders of a store's arrays."""
 
 
 class Template:
-    """Made in ``.<name>.repairing`` beside the store, whose lock is held; removed at the end.
+    """Created as ``.NAME.repairing`` beside the store, whose lock is held; removed at the end.
 
     Attributes:
-        path: where it is.
+        path: its path.
     """
 
     def __init__(self, store: Path, create: Callable[[Path], None]) -> None:
@@ -56,9 +56,9 @@ class Template:
         shutil.rmtree(self.path, ignore_errors=True)
 
     def differs(self, names: Iterable[str]) -> str:
-        """Return the first of these arrays whose metadata, whole in the store, is another here.
+        """Return the first of these arrays whose metadata is intact in the store, but differs here.
 
-        Where there is none, this version writes what the store's version wrote.
+        If there is none, this version writes the metadata that the store's version wrote.
         """
         for name in names:
             ours, theirs = (
@@ -92,10 +92,10 @@ class Template:
         fsync([folder.parent])
 
     def give_files(self, files: Iterable[Path]) -> None:
-        """Move files, in this order, to their places in the store; what is not here goes there.
+        """Move files, in this order, into the store; files that are absent here are removed there.
 
         Raises:
-            StoreError: if a folder with something else in it has a file's place.
+            StoreError: if a folder with other files has the path of one.
         """
         places = []
         for file in files:
@@ -110,13 +110,13 @@ class Template:
 
 
 def template_place(store: Path) -> Path:
-    """Return where a store's template is made."""
+    """Return the path of a store's template."""
     whole = locate(store)
     return whole.with_name(f".{whole.name}.repairing")
 
 
 def remove_template(place: Path) -> None:
-    """Remove what a killed repair has left at and beside a template's place.
+    """Remove what a killed repair has left at and beside a template's path.
 
     Raises:
         StoreMismatchError: if something else is there.
@@ -140,10 +140,10 @@ def _check_own(place: Path) -> None:
 
 
 def _make_room(file: Path) -> None:
-    """Remove a folder that has the place of a file, or of its name aside, if it is the store's.
+    """Remove a folder that has the path of a file, or of its partial file, if it is the store's.
 
     Raises:
-        StoreError: if there is anything else in it.
+        StoreError: if it contains anything else.
     """
     for place in (file, partial_path(file)):
         if not place.is_dir() or place.is_symlink():

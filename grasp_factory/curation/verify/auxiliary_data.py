@@ -1,4 +1,4 @@
-"""What a store has beside its rows: what it carries, added labels, packed segments, strangers."""
+"""What a store has beside its rows: embedded data, added labels, packed segments, foreign files."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from grasp_factory.writers.zarr.sizes import bytes_of_blocks
 from grasp_factory.writers.zarr.staging import CREATING
 
 _BESIDE = (ANNOTATIONS, LABELS, FOLDER, *DESCRIPTIONS)
-"""Folders with a check of their own."""
+"""Folders that are checked separately."""
 _OWN_PARTIAL = re.compile(r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz)" + re.escape(PARTIAL))
 _CHUNK = re.compile(r"[0-9]+(\.[0-9]+)*")
 _NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")
 
 
 def carried_problems(pieces: PartialStore) -> Iterator[Problem]:
-    """Give a problem for each thing that the store carries and that is not what was written."""
+    """Yield a problem for each embedded array that is not what was written."""
     arrays = list(carried_by(pieces.config))
     for group in dict.fromkeys(array.partition("/")[0] for array in arrays):
         if fault := read_document(pieces.path / group / FILE)[1]:
@@ -59,7 +59,7 @@ def carried_problems(pieces: PartialStore) -> Iterator[Problem]:
 
 
 def label_problems(pieces: PartialStore) -> Iterator[Problem]:
-    """Give a problem for each added label that is not what was written."""
+    """Yield a problem for each added label that is not what was written."""
     path = pieces.path
     if not (path / LABELS).is_dir():
         return
@@ -72,7 +72,7 @@ def label_problems(pieces: PartialStore) -> Iterator[Problem]:
 
 
 def label_faults(path: Path, name: str) -> Iterator[Problem]:
-    """Give a problem for each part of an added label that is not what was written."""
+    """Yield a problem for each part of an added label that is not what was written."""
     values = {}
     for part in ("", *LABEL_COLUMNS):
         array = f"{LABELS}/{name}/{part}".rstrip("/")
@@ -92,7 +92,7 @@ def label_faults(path: Path, name: str) -> Iterator[Problem]:
 
 
 def recoded(pieces: PartialStore) -> Iterator[str]:
-    """Give the path of each array beside the rows that another program has written anew."""
+    """Yield the path of each array beside the rows that another program has rewritten."""
     labels = added_labels(pieces.path)
     arrays = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
     for array in [*arrays, *carried_by(pieces.config)]:
@@ -102,7 +102,7 @@ def recoded(pieces: PartialStore) -> Iterator[str]:
 
 
 def placeholder_problems(path: Path, name: str) -> Iterator[Problem]:
-    """Give a problem if a folder is not described as the array of nothing that it stands for."""
+    """Yield a problem if a folder's placeholder is not that of an array of length 0."""
     document, fault = read_document(path / name / FILE)
     if not fault and document["shape"] != [0]:  # the seal leaves it out
         fault = f"shape {shown(document['shape'])}, valid: [0]"
@@ -111,7 +111,7 @@ def placeholder_problems(path: Path, name: str) -> Iterator[Problem]:
 
 
 def packed_problems(pieces: PartialStore, broken: Set[int]) -> Iterator[Problem]:
-    """Give a problem for each packed segment that does not say what its blocks say.
+    """Yield a problem for each packed segment that differs from its blocks.
 
     Args:
         pieces: The store.
@@ -132,7 +132,7 @@ def packed_problems(pieces: PartialStore, broken: Set[int]) -> Iterator[Problem]
 
 
 def strangers(pieces: PartialStore) -> Iterator[str]:
-    """Give a note for each folder with files that are not the store's; nothing reads them."""
+    """Yield a note for each folder with files that are not the store's; nothing reads them."""
     own = {path: len(field.dims) for path, field in pieces.fields.items()}
     parents = {str(parent) for path in own for parent in Path(path).parents}
     for folder, folders, files in os.walk(pieces.path):
@@ -155,7 +155,7 @@ def strangers(pieces: PartialStore) -> Iterator[str]:
 def leftovers(path: Path) -> list[Path]:
     """Return what killed runs have left in the store at ``path``, which is safe to remove.
 
-    Those are files that were being written, and labels that were being made.
+    These are partial files, and the folders of labels that were being written.
     """
     files = [Path(at, f) for at, _, names in os.walk(path) for f in names if f.endswith(PARTIAL)]
     own = [file for file in files if _OWN_PARTIAL.fullmatch(file.name)]
@@ -163,7 +163,7 @@ def leftovers(path: Path) -> list[Path]:
 
 
 def _leftovers(path: Path) -> Iterator[str]:
-    """Give a note for what killed runs have left beside the rows, and people among labels."""
+    """Yield a note for leftovers of killed runs beside the rows, and for users' files there."""
     for folder in _BESIDE:
         names = os.listdir(path / folder) if (path / folder).is_dir() else []
         left = [name for name in names if _is_left(name)]

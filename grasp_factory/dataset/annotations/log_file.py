@@ -1,4 +1,4 @@
-"""The log's file: reading it while it grows, appending to it with others at it, and its folder."""
+"""The file of the annotation log: reading while it grows, appending under a lock, its folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DESCRIPTION = "place of log.jsonl, what people say of episodes; not derived, onl
 LINK = "is a link, and annotations stay in their store"
 OWN_FOLDER = "put a copy of what it leads to in its place, or remove it"
 WAIT_S = 30.0
-"""How long others may hold the log; a change takes milliseconds."""
+"""Seconds that others may hold the lock; a change takes milliseconds."""
 _WINDOW = 1 << 16
 
 
@@ -35,7 +35,7 @@ def log_file(store: Path) -> Path:
 def check_own(folder: Path) -> None:
     """Check that a store's folder of annotations is in the store.
 
-    A store from elsewhere could else have people read and write what is not in it.
+    Otherwise a store from a stranger could have files outside of it read and written.
 
     Raises:
         StoreError: if it is a link.
@@ -46,14 +46,14 @@ def check_own(folder: Path) -> None:
 
 @contextlib.contextmanager
 def reading(file: Path) -> Iterator[int | None]:
-    """Give the open log; None if there is none.
+    """Yield the descriptor of the log, open for reading; None if there is none.
 
     Raises:
-        StoreError: if it cannot be read, is no file, or is a link or in one.
+        StoreError: if it cannot be read, is no regular file, or the path contains a link.
     """
     check_own(file.parent)
     try:
-        # A pipe of that name is not waited for.
+        # O_NONBLOCK: opening a FIFO would block.
         flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
         descriptor = os.open(file, flags)
     except (FileNotFoundError, NotADirectoryError):
@@ -72,13 +72,13 @@ def reading(file: Path) -> Iterator[int | None]:
 
 @contextlib.contextmanager
 def appending(store: Path) -> Iterator[int]:
-    """Give the open log, made if there is none, which is one's own until the block ends.
+    """Yield the descriptor of the log, created if missing, and locked until the block ends.
 
-    What a writer that was killed has left of a last line is removed.
+    An unfinished last line of a killed writer is removed.
 
     Raises:
         StoreError: if it cannot be written.
-        StoreBusyError: if others hold it for too long.
+        StoreBusyError: if others hold the lock for too long.
     """
     file = log_file(store)
     check_own(file.parent)
@@ -97,11 +97,11 @@ def appending(store: Path) -> Iterator[int]:
     except OSError as error:
         raise _cannot("written", file, error) from None
     finally:
-        os.close(descriptor)  # which lets go of it
+        os.close(descriptor)  # this releases the lock
 
 
 def append(descriptor: int, data: bytes) -> None:
-    """Append to the log and wait until it is on the disk; all of the data, or nothing.
+    """Append all of the data to the log, or nothing, and wait until it is on the disk.
 
     Raises:
         OSError: if the disk fails or is full.
@@ -119,9 +119,9 @@ def append(descriptor: int, data: bytes) -> None:
 
 
 def settle(descriptor: int) -> bool:
-    """Remove what is left of an unfinished last line; return whether there was one.
+    """Remove an unfinished last line; return whether there was one.
 
-    One that lacks nothing but its line break gets it: an editor may have left that out.
+    A complete one that lacks only its line break gets it: an editor may have left that out.
     """
     size = os.fstat(descriptor).st_size
     last = _last_line(descriptor, size)
@@ -137,7 +137,7 @@ def settle(descriptor: int) -> bool:
 
 
 def replace_log(store: Path, data: bytes) -> None:
-    """Write the log of a store that nobody else knows yet.
+    """Write the log of a store that is not published yet.
 
     Raises:
         OSError: if the disk fails.

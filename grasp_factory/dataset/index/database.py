@@ -1,4 +1,4 @@
-"""The index's file: its tables, and how it is opened, recognised and put in its place."""
+"""The index's file: its tables, and how it is opened, recognised and replaced."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from grasp_factory.dataset.index.columns import BY_NAME, OF_ROWS
 from grasp_factory.errors import StoreError, UsageError
 
 APPLICATION_ID = 0x47464958
-"""Of SQLite files that are an index of ours: ``GFIX``."""
+"""Marks SQLite files that are an index of grasp-factory: ``GFIX``."""
 VERSION = 1
-"""Of the tables. An index of another version is built anew."""
+"""Version of the tables. An index of another version is built again."""
 WAIT_S = 60.0
-"""How long one waits for another process that writes."""
+"""Seconds to wait for another process that writes."""
 ROW_BITS = 40
-"""A row's id is its store's number, shifted by this, and its number."""
+"""A row's id is its store's number, shifted left by this, plus the row's number."""
 _TYPES = {"number": "REAL", "whole": "INTEGER", "bool": "INTEGER"}
 _STEPS = 10_000
-"""Of SQLite's machine, a millisecond or less, between looks at the clock."""
+"""Instructions of SQLite's virtual machine between two looks at the clock: at most 1 ms."""
 _HEADER = 100
 """Bytes of an SQLite file's header."""
 
 
 class DamagedIndexError(StoreError):
-    """An index cannot be read: it can be made anew."""
+    """An index that cannot be read; it can be built again."""
 
 
 def row_id(store: int, row: int) -> int:
@@ -57,7 +57,7 @@ def version_of(file: Path) -> int | None:
     """Return the version of an index; None if there is no file.
 
     Raises:
-        UsageError: if the file is something else than an index of ours.
+        UsageError: if the file is no index of grasp-factory.
     """
     try:
         with file.open("rb") as opened:
@@ -76,18 +76,20 @@ def version_of(file: Path) -> int | None:
 
 
 def connect(file: Path, mode: str) -> sqlite3.Connection:
-    """Open a database; ``mode`` is ro, rw or rwc. Transactions are begun by hand."""
+    """Open a database; ``mode`` is ro, rw or rwc. Transactions are begun explicitly."""
     uri = f"{file.absolute().as_uri()}?mode={mode}"
     connection = sqlite3.connect(
         uri,
         uri=True,
         timeout=WAIT_S,
         isolation_level=None,
-        check_same_thread=False,  # each thread has its own; only closing may be another's
+        check_same_thread=False,  # each thread has its own, but another one may close it
     )
     try:
         connection.execute("PRAGMA trusted_schema = OFF")
-        connection.execute("PRAGMA cache_size = -65536")  # reads the file, and mends it if it may
+        connection.execute(
+            "PRAGMA cache_size = -65536"
+        )  # reads the file, and rolls back if allowed
     except BaseException:
         connection.close()
         raise
@@ -95,7 +97,7 @@ def connect(file: Path, mode: str) -> sqlite3.Connection:
 
 
 def connect_reading(file: Path) -> sqlite3.Connection:
-    """Open an index for reading; what a killed writer left undone is undone first."""
+    """Open an index for reading; the unfinished change of a killed writer is rolled back first."""
     try:
         return connect(file, "ro")
     except sqlite3.OperationalError:
@@ -105,7 +107,7 @@ def connect_reading(file: Path) -> sqlite3.Connection:
 
 @contextlib.contextmanager
 def limited(connection: sqlite3.Connection, seconds: float) -> Iterator[None]:
-    """Let a block's statements run for so long.
+    """Limit the time of the statements in a block, in seconds.
 
     Raises:
         StoreError: if they take longer.
@@ -132,7 +134,7 @@ def _connect_writing(file: Path) -> sqlite3.Connection:
 
 @contextlib.contextmanager
 def writing(file: Path) -> Iterator[sqlite3.Connection]:
-    """Give a connection within a transaction that is committed at the end; readers go on.
+    """Yield a connection in a transaction, committed at the end; readers are not blocked.
 
     Raises:
         UsageError: if the file cannot be written.
@@ -153,12 +155,12 @@ def writing(file: Path) -> Iterator[sqlite3.Connection]:
 
 @contextlib.contextmanager
 def built_aside(file: Path) -> Iterator[sqlite3.Connection]:
-    """Give a connection to a new database, which takes the place of ``file`` at the end.
+    """Yield a connection to a new database, which replaces ``file`` at the end.
 
-    Who builds the same index at the same time waits for the other.
+    A process that builds the same index at the same time waits.
 
     Raises:
-        UsageError: if it cannot be written, or the file is something else than an index.
+        UsageError: if it cannot be written, or the file is no index.
     """
     version_of(file)
     place = file.with_name(f".{file.name}.building")
@@ -196,13 +198,13 @@ def damaged(file: Path, error: sqlite3.DatabaseError) -> StoreError:
     """Return the error to raise for an index that cannot be read."""
     if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
         return StoreError(f"index {file} is locked by another process: try again later")
-    return DamagedIndexError(f"index {file} is damaged: {error}; delete it: it is built anew")
+    return DamagedIndexError(f"index {file} is damaged: {error}; delete it: it is built again")
 
 
 def gone(file: Path) -> StoreError:
-    """Return the error to raise for an index that was there before."""
+    """Return the error to raise for an index that has disappeared."""
     what = f"there is no index at {file} any more"
-    return StoreError(f"{what}: grasp-factory index STORE... --out {file} makes it anew")
+    return StoreError(f"{what}: grasp-factory index STORE... --out {file} builds it again")
 
 
 def _remove_own(place: Path, descriptor: int) -> None:

@@ -57,7 +57,7 @@ def fresh(
             names = ", ".join(map(str, sorted(there)))
             raise UsageError(
                 f"{index} is the index of {names}; give it in place of the stores, or name another"
-                f" file; grasp-factory index ... --out {index} makes it anew"
+                f" file; grasp-factory index ... --out {index} builds it again"
             )
     build(stores, place, on_start, on_row)
     return Index(place)

@@ -1,4 +1,4 @@
-"""The worker's side of the pool: take jobs from a pipe, tell of them, leave in good order."""
+"""The worker's side of the pool: take jobs from a pipe, report results, end cleanly."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def serve(task: Task[Any, Any], pipe: connection.Connection[Any, Any]) -> None:
     """Do jobs until the pipe closes. Runs in the worker."""
     end_with_parent()
     signal.signal(signal.SIGTERM, _leave)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # held back while it started
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked while it started
     os.dup2(2, 1)  # PyBullet prints warnings on stdout, which belongs to the command's result
     threading.Thread(target=_die_with_parent, daemon=True).start()
 
@@ -33,7 +33,7 @@ def serve(task: Task[Any, Any], pipe: connection.Connection[Any, Any]) -> None:
             job = pipe.recv()
             try:
                 pipe.send(("result", task(job, report)))
-            except MemoryError:  # the kernel would have done it a little later
+            except MemoryError:  # the kernel would do it a little later
                 os.kill(os.getpid(), signal.SIGKILL)
             except Exception as error:
                 pipe.send(("error", _portable(error)))
@@ -41,10 +41,10 @@ def serve(task: Task[Any, Any], pipe: connection.Connection[Any, Any]) -> None:
 
 
 def _leave(*_: Any) -> None:
-    # A second one would cut the tidying short. Not SIG_IGN: Python complains of one on its way.
+    # A second signal would interrupt the cleanup. Not SIG_IGN: Python reports a pending one.
     signal.signal(signal.SIGTERM, lambda *_: None)
     code = 128 + signal.SIGTERM
-    # Where this interrupts a finaliser, the exit would only be printed, and the worker go on.
+    # In a finaliser the exit would only be printed, and the worker would continue.
     sys.unraisablehook = lambda _: os._exit(code)
     sys.exit(code)
 

@@ -1,4 +1,4 @@
-"""The importer's side of the child process: one for many objects, replaced when it dies."""
+"""The importer's side of the child process: one for many objects, replaced when it crashes."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.job import Converted, Job, decode, encode, message_length
 
 TIME_LIMIT_S = 1200.0
-"""For one object, in case that it sleeps; the child limits its own computing time."""
+"""Seconds for one object, in case the child sleeps; the child limits its own CPU time."""
 MAX_REPLY = 64 * 2**20
-"""Bytes; the files of an object have about two million."""
+"""Bytes; the files of an object take about 2 MB."""
 MAX_THREADS = 4
-"""Of the decomposition; its result does not hang on how many there are."""
+"""Threads of the decomposition; its result does not depend on their number."""
 
 
 class CrashError(UnusableError):
-    """The conversion died or did not end; another time it might not."""
+    """The conversion crashed or did not end; it may succeed at another time."""
 
 
 class Child:
-    """Converts objects in a process of its own, which starts with the first of them."""
+    """Converts objects in another process, which starts with the first object."""
 
     def __init__(self, time_limit_s: float = TIME_LIMIT_S) -> None:
         self._time_limit_s = time_limit_s
@@ -58,8 +58,8 @@ class Child:
         """Return an object, and its OBJ files by their SHA-256.
 
         Raises:
-            CrashError: if the conversion died, or took too long or too much memory.
-            UnusableError: if no object can be made of it.
+            CrashError: if the conversion crashed, or took too long or too much memory.
+            UnusableError: if the mesh cannot become an object.
             UsageError: if the libraries are not installed.
         """
         try:
@@ -102,7 +102,7 @@ class Child:
                 reply += part
                 length = message_length(bytes(reply[:8]))
                 if length and length > MAX_REPLY:
-                    raise CrashError("its conversion gave too much")
+                    raise CrashError("its conversion returned too much data")
         return bytes(reply)
 
 
@@ -112,7 +112,7 @@ def _start() -> subprocess.Popen[bytes]:
     environment: dict[str, Any] = {
         **os.environ,
         "OMP_NUM_THREADS": threads,
-        "OMP_WAIT_POLICY": "passive",  # waiting is no computing time
+        "OMP_WAIT_POLICY": "passive",  # waiting takes no CPU time
         "OPENBLAS_NUM_THREADS": "1",
         "PYTHONPATH": os.pathsep.join([here, *filter(None, sys.path)]),
     }
@@ -128,7 +128,7 @@ def _start() -> subprocess.Popen[bytes]:
         stderr=subprocess.DEVNULL,
         bufsize=0,
         env=environment,
-        start_new_session=True,  # Ctrl-C is for the importer, which ends the child
+        start_new_session=True,  # Ctrl-C goes to the importer, which ends the child
     )
     assert process.stdin
     os.set_blocking(process.stdin.fileno(), False)

@@ -16,7 +16,7 @@ MAX_TEXT = 4 * 2**20
 
 
 def named_meshes(data: bytes) -> tuple[str, ...]:
-    """Return what a URDF that cannot be used calls its meshes, as far as that can be told."""
+    """Return the mesh names in a URDF that cannot be used, as far as it can be parsed."""
     try:
         found = (mesh.get("filename", "") for mesh in parse_xml(data).iter("mesh"))
         return tuple(dict.fromkeys(found))
@@ -25,14 +25,14 @@ def named_meshes(data: bytes) -> tuple[str, ...]:
 
 
 def mesh_file(reference: str, urdf: str) -> tuple[str, ...]:
-    """Return where in the folder a mesh may lie, relative paths, the likeliest first.
+    """Return the relative paths where a mesh may be in the folder, the likeliest first.
 
     Args:
-        reference: what the URDF calls it; a package is a folder of that name, or the root.
+        reference: its name in the URDF; a package is a folder of that name, or the root.
         urdf: the URDF's own path in the folder.
 
     Raises:
-        UnusableError: if it can lie outside only, or its format is another.
+        UnusableError: if it is outside of the folder, or has another format.
     """
     kind = suffix(reference)
     if kind not in MESH_SUFFIXES:
@@ -55,10 +55,10 @@ def mesh_file(reference: str, urdf: str) -> tuple[str, ...]:
 
 
 def parse_xml(data: bytes) -> Element:
-    """Return the outermost element of an XML text that has no entities.
+    """Return the root element of an XML text that has no entities.
 
     Raises:
-        UnusableError: if it is no such text.
+        UnusableError: if it is too long, not UTF-8, not XML, or has entities.
     """
     if len(data) > MAX_TEXT:
         raise UnusableError(f"it has more than {MAX_TEXT // 2**20} MiB of text")

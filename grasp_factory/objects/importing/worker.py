@@ -1,7 +1,7 @@
 """The child process that converts objects: ``python -m grasp_factory.objects.importing.worker``.
 
-Meshes are data of anybody's making, and their decomposition is native code. Here a crash ends
-this process and nothing else, and its memory has a limit.
+Meshes come from strangers, and their decomposition is native code. A crash ends only this process,
+and its memory is limited.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.job import Job, decode, encode, receive
 
 MAX_MEMORY = 6 * 2**30
-"""Bytes of address space; an ordinary object takes less than one."""
+"""Bytes of address space; an ordinary object takes less than 1 GiB."""
 CPU_LIMIT_S = 120
-"""Of all its threads, for one object; ordinary ones take up to 15."""
+"""CPU seconds of all threads for one object; an ordinary one takes up to 15."""
 MISSING = "missing"
 
 
 def main() -> None:
     """Answer jobs on the standard streams until the first one closes."""
     replies = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # libraries print what they like
+    os.dup2(2, 1)  # libraries print to standard output
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     end_with_parent()  # an importer that is killed cannot end this process
@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def _limit_cpu() -> None:
-    """Give the next object its time, which hangs on no other load of the machine."""
+    """Limit the CPU time of the next object, which does not depend on the machine's load."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     limit = int(used.ru_utime + used.ru_stime) + CPU_LIMIT_S
     _, hard = resource.getrlimit(resource.RLIMIT_CPU)
@@ -58,8 +58,8 @@ def _answer(message: bytes) -> bytes:
         return encode({"refused": str(error)})
     except MemoryError:
         return encode({"failed": f"it takes more than {MAX_MEMORY // 2**30} GiB of memory"})
-    except GraspFactoryError as error:  # a record's own checks: the numbers are beyond its bounds
-        return encode({"refused": f"its conversion gave what no object has: {error}"})
+    except GraspFactoryError as error:  # of the record's own checks
+        return encode({"refused": f"its conversion made an invalid object: {error}"})
     except Exception as error:
         why = (str(error).splitlines() or [""])[0][:200]
         return encode({"failed": f"its conversion failed: {type(error).__name__}: {why}"})

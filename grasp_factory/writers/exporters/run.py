@@ -1,4 +1,4 @@
-"""One export: checked first, built beside its place, then moved there as a whole."""
+"""One export: checked first, built in a scratch folder, then moved to its path as a whole."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def run_export(
         on_episode: called after each episode.
 
     Raises:
-        UsageError: for a place that cannot be written to, a missing library, or episodes that the
+        UsageError: for a path that cannot be written to, a missing library, or episodes that the
             format cannot hold.
         ConfigError: for a setting that is not valid.
         StoreError: if the dataset is damaged, or the disk fails or is full.
@@ -86,7 +86,7 @@ def _check_place(out: Path, suffix: str) -> None:
 
 
 def _publish(built: Path, out: Path) -> None:
-    """Move what was built to its place, unless something has appeared there."""
+    """Move what was built to its path, unless something has appeared there."""
     if built.is_dir():
         out.mkdir()  # fails if it exists; the move replaces this empty folder
         os.replace(built, out)

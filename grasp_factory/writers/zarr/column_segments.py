@@ -1,7 +1,7 @@
-"""Packed segments: the columns of many blocks in one file, a derived copy that reads quickly.
+"""Packed segments: the columns of many blocks in one file, a derived copy that is fast to read.
 
-``packed/0-1023.npz`` holds the columns of blocks 0 to 1023. It never changes: when one of its
-blocks is written again, it is removed first. Deleting ``packed`` loses nothing.
+``packed/0-1023.npz`` holds the columns of blocks 0 to 1023. It never changes: before one of its
+blocks is rewritten, it is removed. Deleting ``packed`` loses nothing.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from grasp_factory.writers.zarr.chunks import open_file
 
 FOLDER = "packed"
 BYTES = "bytes"
-"""Member of a segment: bytes of all files of its blocks, of every array."""
+"""Member of a segment: the size in bytes of all files of its blocks, of every array."""
 WORDS = ".words"
-"""Ends the name of the member that says what a text column's codes stand for."""
+"""Ends the name of the member that holds the words of a text column, by code."""
 _NAME = re.compile(r"(\d+)-(\d+)\.npz")
 
 
@@ -40,7 +40,7 @@ class Segment:
         return slice(self.blocks.start, self.blocks.stop)
 
     def is_in(self, there: NDArray[np.bool_]) -> bool:
-        """Say whether each of its blocks is there, of all blocks, (B,)."""
+        """Return whether all its blocks are present; ``there`` is that of each block, (B,)."""
         return self.blocks.stop <= len(there) and bool(there[self.place].all())
 
     def read(self, names: Iterable[str]) -> Mapping[str, NDArray[Any]] | None:
@@ -50,7 +50,7 @@ class Segment:
             with open(open_file(self.file), "rb") as file:
                 with np.load(file, allow_pickle=False) as members:
                     return {name: _member(members, name) for name in names}
-        except Exception:  # zip, zlib and numpy raise whatever they like at damaged bytes
+        except Exception:  # zip, zlib and numpy raise any exception at damaged bytes
             return None
 
 
@@ -66,7 +66,7 @@ def segments(store: Path) -> list[Segment]:
 
 
 def unpack_block(store: Path, block: int) -> None:
-    """Remove the segment that holds a block, for good, before the block is changed."""
+    """Remove the segment that holds a block, durably, before the block is changed."""
     stale = [segment.file for segment in segments(store) if block in segment.blocks]
     for file in stale:
         file.unlink()
@@ -75,7 +75,7 @@ def unpack_block(store: Path, block: int) -> None:
 
 
 def coded(words: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint8]]:
-    """Return a text column as codes of its shape, and the words they stand for, sorted, as JSON."""
+    """Return a text column as codes of the same shape, and the sorted words by code, as JSON."""
     flat = words.ravel().tolist()
     known = sorted(set(flat))
     code = {word: k for k, word in enumerate(known)}

@@ -1,7 +1,7 @@
-"""One coordinator per store, or one per part of it: locks that vanish with their process.
+"""Locks of a store: one coordinator for the whole store, or one for each shard of a run.
 
-The locks are the kernel's (flock), so a killed holder cannot leave one behind; a file beside the
-store only says who holds it. It lies beside because creation renames the store itself.
+They are the kernel's (flock), so they end with their process. The locked file names the holder. It
+lies beside the store, because creation renames the store itself.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.lock_file import LockFile
 
 WAIT_S = 60.0
-"""Seconds that a part of a store waits while another one creates the store."""
+"""Seconds that a shard waits while another one creates the store."""
 _POLL_S = 0.1
 
 
@@ -29,13 +29,16 @@ class _Lock(ABC):
     """Held while the ``with`` block runs."""
 
     def __init__(self, path: Path) -> None:
-        """Take nothing yet; ``path`` is the store's.
+        """Lock nothing yet.
+
+        Args:
+            path: the store.
 
         Raises:
             StoreMismatchError: if the path cannot lead to a store.
         """
         self._path = path
-        whole = locate(path)  # one store, one lock, whatever links lead to it
+        whole = locate(path)  # links to one store lead to one lock
         self._stem = whole.with_name(f".{whole.name}.grasp-factory")
         self.file = Path(f"{self._stem}.lock")
         self._store = whole
@@ -47,25 +50,25 @@ class _Lock(ABC):
 
         Raises:
             StoreBusyError: naming the host and the process that hold it.
-            StoreMismatchError: if the lock file cannot be made, or something else has its name.
-            StoreError: if the disk or its permissions do not let it be made.
+            StoreMismatchError: if the lock file cannot be created, or another file has its name.
+            StoreError: if the disk or its permissions prevent that.
         """
 
     @abstractmethod
     def __exit__(self, *_: object) -> None:
-        """Let go."""
+        """Release the lock."""
 
     def _lock_inside(self, kind: int) -> None:
-        """Lock the store's directory, if it is there: it may have other names, as a mount point.
+        """Lock the store's directory too, if it exists: it may be mounted under another path.
 
         Raises:
-            StoreBusyError: if somebody came by such a name.
+            StoreBusyError: if another process holds it under such a path.
         """
         if self._inside is not None:
             return
         try:
             inside = os.open(self._store, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        except OSError:  # no store yet, or one that cannot be read: whoever reads it says so
+        except OSError:  # no store yet, or one that cannot be read: its reader reports that
             return
         try:
             fcntl.flock(inside, kind | fcntl.LOCK_NB)
@@ -73,7 +76,7 @@ class _Lock(ABC):
             os.close(inside)
             if isinstance(error, BlockingIOError):
                 raise self._busy([]) from None
-            return  # some file systems lock files only
+            return  # some file systems lock only files
         self._inside = inside
 
     def _unlock_inside(self) -> None:
@@ -94,7 +97,7 @@ class _Lock(ABC):
         )
 
     def _parts(self, count: str = "*") -> list[str]:
-        """Return who holds parts of the store; what killed ones have left is removed."""
+        """Return who holds shards of the store; lock files that killed ones left are removed."""
         found = []
         stem = glob.escape(self._stem.name)
         for file in sorted(self.file.parent.glob(f"{stem}.shard-*-of-{count}.lock")):
@@ -107,20 +110,20 @@ class _Lock(ABC):
 
 
 class StoreLock(_Lock):
-    """The whole store, ``.<name>.grasp-factory.lock``."""
+    """Locks the whole store by ``.NAME.grasp-factory.lock``."""
 
     is_alone = True
 
     def share(self) -> None:
-        """Let nobody in: there are no other parts. The store is there now."""
+        """Also lock the store's directory exclusively, now that it exists."""
         self._lock_inside(fcntl.LOCK_EX)
 
     def try_alone(self) -> bool:
-        """Return that it is alone."""
+        """Return True: there are no other shards."""
         return True
 
     def __enter__(self) -> Self:
-        """See ``_Lock``. It is taken or refused at once."""
+        """Take the lock without waiting; see ``_Lock``."""
         self._lock = LockFile(self.file, self._path)
         holder = self._lock.take()
         if holder is not None:
@@ -135,24 +138,24 @@ class StoreLock(_Lock):
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let go."""
+        """Release the lock."""
         self._unlock_inside()
         self._lock.release()
 
 
 class ShardLock(_Lock):
-    """One of K parts of a store: alone in that part, and together with the K - 1 others.
+    """Locks one of K shards exclusively, and the whole store together with the K - 1 others.
 
     Attributes:
-        is_alone: no other part is being written, so the store may be created, grown or packed.
+        is_alone: no other shard is being written, so the store may be created, grown or packed.
     """
 
     def __init__(self, path: Path, index: int, count: int) -> None:
-        """Take nothing yet.
+        """Lock nothing yet.
 
         Args:
-            path: the store's.
-            index: the part, from 0 on.
+            path: the store.
+            index: the shard, 0 to K - 1.
             count: K.
         """
         super().__init__(path)
@@ -161,7 +164,7 @@ class ShardLock(_Lock):
         self.is_alone = False
 
     def __enter__(self) -> Self:
-        """See ``_Lock``. While another part creates the store, wait for it."""
+        """Take the lock; wait while another shard creates the store. See ``_Lock``."""
         self._part, self._whole = (
             LockFile(file, self._path) for file in (self._part_file, self.file)
         )
@@ -179,26 +182,26 @@ class ShardLock(_Lock):
         return self
 
     def share(self) -> None:
-        """Let the other parts in, after the store was prepared."""
+        """Let the other shards join, after the store was prepared."""
         self._whole.release()
         self._join(wait_s=WAIT_S, alone=False)
         self._lock_inside(fcntl.LOCK_SH)
 
     def try_alone(self) -> bool:
-        """Return whether this is the last part at work. If not, it is one no more."""
+        """Return whether this is the last shard at work; if not, it no longer locks the store."""
         self.is_alone = self._whole.upgrade()
         if self.is_alone:
             self._parts()
         return self.is_alone
 
     def __exit__(self, *_: object) -> None:
-        """Let go."""
+        """Release the lock."""
         self._unlock_inside()
         self._whole.release()
         self._part.release()
 
     def _join(self, wait_s: float, *, alone: bool = True) -> None:
-        """Take the whole alone where nobody has it, else together with the other parts."""
+        """Lock the store exclusively if nobody holds it, else together with the other shards."""
         mine = ["shards", str(self._count)]
         deadline = time.monotonic() + wait_s
         while True:
@@ -223,12 +226,12 @@ class ShardLock(_Lock):
 
 
 def _claim(lock: LockFile, text: str = "") -> None:
-    """Write down who holds a lock; warn of one who did not let go of it."""
+    """Write who holds a lock; warn if the last holder did not release it."""
     before = lock.content()
     if before:
         who = " ".join(before) if before[0] == "shards" else f"process {before[1]} on {before[0]}"
         warnings.warn(
-            f"a run that ended without letting go ({who}) had {lock.file}; it is taken over",
+            f"a run that ended did not release {lock.file} ({who}); it is taken over",
             StaleLockWarning,
             stacklevel=3,
         )

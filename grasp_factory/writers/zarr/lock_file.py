@@ -1,4 +1,4 @@
-"""A file that the kernel locks, and that says who holds it."""
+"""A lock file: the kernel locks it, and its content names the holder."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.files import cannot_write
 
 _OURS = re.compile(rb"(\S+ \d+\n)?")
-"""What a lock file holds: host and process, or ``shards`` and their number, or nothing yet. A power
-cut may leave zeros in its place."""
+"""Content of a lock file: host and process id, or ``shards`` and their number, or nothing yet. A
+power cut may leave zeros instead."""
 _LONGEST = 300
 
 
 class LockFile:
-    """Made when it is taken, removed when nobody has it any more.
+    """Created when it is taken, removed when its last holder releases it.
 
-    A file of that name that is not ours is neither changed nor removed.
+    Another file that has its name is neither changed nor removed.
     """
 
     def __init__(self, file: Path, store: Path) -> None:
-        """Take nothing yet; ``store`` is named in errors."""
+        """Lock nothing yet; ``store`` is named in errors."""
         self.file = file
         self._store = store
         self._descriptor: int | None = None
 
     def take(self, *, shared: bool = False) -> list[str] | None:
-        """Take the lock; return None, or the words of the one who has it.
+        """Take the lock; return None, or the words in the file of another holder.
 
         Raises:
-            StoreMismatchError: if the file cannot be made, or something else has its name.
-            StoreError: if the disk or its permissions do not let it be made.
+            StoreMismatchError: if the file cannot be created, or another file has its name.
+            StoreError: if the disk or its permissions prevent that, or there are no locks.
         """
         if self._descriptor is not None:
             return None
@@ -61,14 +61,14 @@ class LockFile:
         return None
 
     def content(self) -> list[str]:
-        """Return the words of the file of a lock that is held."""
+        """Return the words in the file, whose lock is held."""
         assert self._descriptor is not None
         return self._words(self._descriptor)
 
     def say(self, text: str) -> None:
-        """Write who holds it."""
+        """Write the name of the holder."""
         assert self._descriptor is not None
-        with contextlib.suppress(OSError):  # a full disk: the lock holds all the same
+        with contextlib.suppress(OSError):  # a full disk: the lock is held nevertheless
             os.ftruncate(self._descriptor, 0)
             os.pwrite(self._descriptor, f"{text}\n".encode(), 0)
 
@@ -78,16 +78,16 @@ class LockFile:
         return try_upgrade(self._descriptor)
 
     def release(self) -> None:
-        """Remove the file if nobody else has it, then let go.
+        """Remove the file if nobody else holds it, then unlock it.
 
-        In this order nobody can hold a removed file unknown.
+        In this order nobody can hold the lock of a removed file unnoticed.
         """
         if self._descriptor is None:
             return
         if self.upgrade() and has_name(self._descriptor, self.file):
-            with contextlib.suppress(OSError):  # so that what stays tells of nobody
+            with contextlib.suppress(OSError):  # so that a file that stays names no holder
                 os.ftruncate(self._descriptor, 0)
-            with contextlib.suppress(OSError):  # permission lost: the file stays, the lock goes
+            with contextlib.suppress(OSError):  # permission lost: the file stays, unlocked
                 self.file.unlink()
         os.close(self._descriptor)
         self._descriptor = None

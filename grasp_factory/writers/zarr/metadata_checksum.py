@@ -1,6 +1,6 @@
-"""Metadata that tells when it was changed: each ``zarr.json`` carries a checksum of itself.
+"""Seals: each ``zarr.json`` holds a checksum of itself, so that changes are detected.
 
-Left out of it is the number of rows, which grows; all arrays of a store have the same.
+The checksum leaves out the number of rows, which grows; it is the same for all arrays of a store.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from grasp_factory.core.atomic_file import write_atomic
 
 SEAL = "metadata_sha256"
-"""The attribute that holds it."""
+"""The attribute that holds the checksum."""
 VALUES_SEAL = "values_sha256"
-"""The attribute of an array that is written once, as a whole: the SHA-256 of its bytes."""
+"""The attribute of an array that is written once: the SHA-256 of its bytes."""
 
 Document = dict[str, Any]
 
@@ -38,13 +38,13 @@ def set_rows(file: Path, rows: int) -> None:
 
 
 def is_intact(document: Any) -> bool:
-    """Say whether a ``zarr.json``, parsed, is as it was sealed."""
+    """Return whether a ``zarr.json``, parsed, matches its seal."""
     attributes = document.get("attributes") if isinstance(document, dict) else None
     return isinstance(attributes, dict) and attributes.get(SEAL) == _digest(document)
 
 
 def is_sealed(file: Path) -> bool:
-    """Say whether there is a ``zarr.json`` that is as it was sealed."""
+    """Return whether there is a ``zarr.json`` that matches its seal."""
     try:
         return is_intact(json.loads(file.read_bytes()))
     except (OSError, ValueError, RecursionError):
@@ -52,7 +52,7 @@ def is_sealed(file: Path) -> bool:
 
 
 def values_digest(values: NDArray[Any]) -> str:
-    """Return what ``VALUES_SEAL`` shall be for these values."""
+    """Return the value of ``VALUES_SEAL`` for an array's values."""
     return hashlib.sha256(np.ascontiguousarray(values).data).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""Folders in a store that Zarr has no part in, described so that its readers pass them by."""
+"""Folders in a store with files that are not Zarr's, described so that its readers skip them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from grasp_factory.writers.zarr.metadata_checksum import seal
 
 
 def write_placeholder(store: Path, name: str, description: str) -> None:
-    """Describe the folder ``name`` of a store as an array of nothing; what is in it stays.
+    """Describe the folder ``name`` of a store as an array of length 0; the files in it stay.
 
-    Zarr's readers list groups, and warn of files that are not theirs; they do not look into arrays.
+    Zarr's readers list groups and warn of unknown files; they do not list the folders of arrays.
 
     Raises:
         OSError: if the disk fails.
     """
     folder = store / name
-    (folder / "zarr.json").unlink(missing_ok=True)  # of one killed before its seal
+    (folder / "zarr.json").unlink(
+        missing_ok=True
+    )  # left by a process that was killed before it sealed the file
     zarr.create_array(
-        AtomicStore(folder),  # of the whole store it would look at the root's metadata, too
+        AtomicStore(folder),  # with the whole store Zarr would read the root's metadata too
         shape=(0,),
         chunks=(1,),
         dtype="uint8",

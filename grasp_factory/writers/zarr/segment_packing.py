@@ -1,4 +1,4 @@
-"""Packing: making the segments that are complete. Only the coordinator of a store does it."""
+"""Packing: writing the segments that are complete. Only the coordinator of a store does it."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from grasp_factory.writers.zarr.placeholder import write_placeholder
 from grasp_factory.writers.zarr.sizes import bytes_of_blocks
 
 SEGMENT_BLOCKS = 1024
-"""Blocks of a segment. Fewer than this are not packed, of which a column is read in 30 ms; a
+"""Blocks of a segment. Fewer blocks are not packed: one of their columns is read in 30 ms. A
 million episodes have 122 segments."""
 NOT_PACKED = ("checksum", "array_crc32c", "spec", "error")
-"""Columns that are long, and that nobody filters by."""
+"""Columns that are large and not used by filters."""
 DESCRIPTION = "place of columns packed for reading; derived, may be deleted"
 
 
 def pack(path: Path) -> None:
-    """Pack every segment whose blocks are all there and whole, and that is not packed yet.
+    """Pack every segment that is not packed yet and whose blocks are all complete.
 
-    A segment that cannot be read is left out: its readers say what is damaged.
+    A segment whose blocks are damaged is skipped: their readers report the damage.
 
     Raises:
         StoreError: if the store is damaged, or a segment cannot be written.
@@ -46,17 +46,16 @@ def pack(path: Path) -> None:
 
 
 def is_time_to_pack(index: int, block_size: int) -> bool:
-    """Say whether the start of an episode is a moment to pack, in a run that goes by blocks.
+    """Return whether a run that goes by blocks should pack when this episode begins.
 
-    Such moments are half a segment apart from a segment's end, so that the blocks of all workers
-    before it are committed.
+    That is half a segment after a segment's end: by then all workers have committed its blocks.
     """
     rows = SEGMENT_BLOCKS * block_size
     return index % rows == rows // 2
 
 
 def _complete(columns: Columns) -> Iterator[range]:
-    """Give the ranges of blocks to pack, of which none is absent or cut short."""
+    """Yield the ranges of blocks to pack; none of the blocks is absent or cut short."""
     loose = columns.blocks()
     for segment in segments(columns.path):
         loose[segment.place] = False
@@ -68,7 +67,7 @@ def _complete(columns: Columns) -> Iterator[range]:
 
 
 def _members(columns: Columns, blocks: range) -> dict[str, NDArray[Any]]:
-    """Return what a segment's file holds; nothing where a row is missing or damaged."""
+    """Return the members of a segment's file; none if a row is missing or damaged."""
     names = [name for name in columns.names if name not in NOT_PACKED]
     rows = columns.rows(blocks.start)[0], columns.rows(blocks[-1])[1]
     try:

@@ -1,6 +1,6 @@
-"""What the coordinator does to a store: create it, grow it, and ask which blocks are missing.
+"""What the coordinator does with a store: create it, grow it, and find the missing rows.
 
-Only one process may do this at a time (see ``lock``), and none while blocks are being written.
+Only one process may do this at a time (see ``lock``), and only while no block is being written.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _OTHER = "choose another --out"
 
 
 def check_place(path: Path, config: FactoryConfig) -> Path:
-    """Check that ``path`` holds a store of this config, or nothing; return where it leads.
+    """Check that ``path`` holds a store of this config, or nothing; return its real path.
 
     Raises:
         StoreMismatchError: if it holds anything else, or cannot lead to a store.
@@ -63,25 +63,24 @@ def prepare_store(
     *,
     carried: Mapping[str, bytes] = MappingProxyType({}),
 ) -> None:
-    """Make sure that ``path`` holds a store of this config with room for ``n`` episodes.
+    """Create the store of a config at ``path``, or grow the one that is there to ``n`` episodes.
 
-    A new store is built aside and renamed, in an empty directory piece by piece with the root's
-    ``zarr.json`` last. An existing store grows if it is shorter, and keeps the versions and the
-    ``extra`` attributes that it was created with.
+    A new store is staged (``StagingFolder``). An existing one keeps the versions and the ``extra``
+    attributes that it was created with.
 
     Args:
-        path: where the store is, or will be.
-        config: what decides its content.
+        path: the store.
+        config: its config.
         joints: joint count of the config's robot.
         n: episodes.
         extra: more root attributes, JSON data, for a new store.
-        carried: what a new store carries, by path in it (``carried_by``).
+        carried: data to embed in a new store, by path in it (``carried_by``).
 
     Raises:
         StoreMismatchError: if the path holds anything else, or cannot be written.
         StoreError: if the store there is damaged, or the disk fails.
     """
-    target = locate(path)  # through a link to the store itself, which a rename would replace
+    target = locate(path)  # the rename would replace a link
     try:
         if _creation(target).is_free():
             attributes = root_attributes(config, extra)
@@ -96,7 +95,7 @@ def prepare_store(
 
 
 def missing_rows(path: Path, *, quarantined: bool = False) -> NDArray[np.int64]:
-    """Return the rows that are missing, ascending, and those in quarantine if asked for.
+    """Return the missing rows, ascending; with ``quarantined`` also those in quarantine.
 
     Raises:
         StoreMismatchError: if there is no store.
@@ -115,15 +114,15 @@ def create_store(
     n: int,
     carried: Mapping[str, bytes],
 ) -> None:
-    """Create an empty store where nothing is, or an empty directory; see ``prepare_store``.
+    """Create an empty store at a path with nothing or an empty directory; see ``prepare_store``.
 
     Args:
-        target: its place, links followed (``files.locate``).
-        config: what decides its arrays.
-        attributes: the root's; those of ``header.root_attributes`` and more.
+        target: its path, links followed (``files.locate``).
+        config: its config.
+        attributes: of the root: those of ``header.root_attributes`` and more.
         joints: joint count of the config's robot.
         n: rows.
-        carried: what it carries, by path in it.
+        carried: data to embed, by path in the store.
 
     Raises:
         StoreMismatchError: if something that is not ours is in the way.
@@ -179,12 +178,12 @@ def _check_same(path: Path, config: FactoryConfig) -> None:
 
 
 def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
-    """Resize the arrays, ``status`` last: its length says how far a growth that finished went.
+    """Resize the arrays, ``status`` last: its length is that of the last growth that finished.
 
     After a kill in between, some arrays are longer than ``status``. Nothing has been written
-    there, so they take the length that is asked for now, be it shorter.
+    there, so they are resized to the new length, even if it is shorter.
     """
-    with contextlib.suppress(OSError):  # the mark of a creation that was killed at its very end
+    with contextlib.suppress(OSError):  # left by a creation that was killed at its end
         (path / CREATING).rmdir()
     root, _ = open_store(path, mode="r+")
     own = fields_of(path, config, root.attrs.asdict()).values()

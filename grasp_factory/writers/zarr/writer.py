@@ -25,11 +25,11 @@ MISSING, COMMITTED, QUARANTINED = range(3)
 """Values of the column ``status``."""
 
 Values = Mapping[str, NDArray[Any]]
-"""One row of the store: array by path. What a path lacks is left at its fill value."""
+"""One row of the store: array by path. A path that is missing gets the fill value."""
 
 
 class ZarrWriter(Writer):
-    """Writes blocks into a store that ``prepare_store`` made. Creates and grows nothing.
+    """Writes blocks into a store that ``prepare_store`` created; it never creates or grows one.
 
     Attributes:
         block_size: episodes of a block.
@@ -60,9 +60,9 @@ class ZarrWriter(Writer):
     ) -> None:
         """Write array by array, then ``status``, which commits the block.
 
-        What is there of it is cleared first, unless all its episodes are among the rows as they
-        are: then each file is replaced by one that has them too, and none is lost on the way.
-        Rows of the block that are not given stay missing. See ``Writer.write_block``.
+        An existing block is cleared first, unless ``rows`` contains all its episodes unchanged:
+        then its files are replaced one by one, and no episode is lost on the way. Rows of the block
+        that are not passed stay missing. See ``Writer.write_block``.
         """
         start = block * self.block_size
         room = min(self.block_size, self.length - start)
@@ -127,7 +127,7 @@ class ZarrWriter(Writer):
         return {start + k: code for k, code in enumerate(status) if code}
 
     def _keeps(self, block: int, values: Sequence[Values]) -> bool:
-        """Say whether a block is there, and its episodes are among these rows as they are."""
+        """Return whether a block exists, and these rows contain all its episodes unchanged."""
         present, start = self.present(block), block * self.block_size
         episodes = [row for row, status in present.items() if status == COMMITTED]
         for row in episodes:
@@ -137,7 +137,7 @@ class ZarrWriter(Writer):
         return bool(present)
 
     def _mark(self, block: int) -> None:
-        """Say of rows that are missing by the marker, but will have values, that it goes on."""
+        """Mark the block as being rewritten, so that readers treat uncommitted rows as pending."""
         for row in self._fields:
             for file in self._files_of(row, block):
                 partial_path(file).unlink(missing_ok=True)
@@ -172,7 +172,7 @@ class ZarrWriter(Writer):
         return written
 
     def _packed(self, row: Field, values: Sequence[NDArray[Any] | None]) -> bytes:
-        """Return the bytes of a block; where there is no value, or it ends early, is the fill."""
+        """Return the bytes of a block; missing values and the padding are the fill value."""
         room = self._arrays[row.path].shape[1:]
         if row.is_image:
             nothing = np.full(room, row.fill, row.dtype)
