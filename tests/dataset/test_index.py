@@ -33,6 +33,7 @@ from grasp_factory.dataset.index import (
     Index,
     Query,
     build,
+    database,
     default_path,
     fresh,
     indexed_store,
@@ -532,6 +533,20 @@ class TestFile:
         assert not list(place.parent.glob(".*"))
         with Index(place) as index:
             assert rows_of(index) == before
+
+    def test_a_build_that_ends_keeps_the_file_of_another_that_begins(
+        self, store: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        move = database.move_into_place
+
+        def move_and_begin(partial: Path, file: Path, **options: bool) -> None:
+            move(partial, file, **options)
+            partial.write_bytes(b"another build")
+
+        monkeypatch.setattr(database, "move_into_place", move_and_begin)
+        place = default_path(store)
+        build([store], place)
+        assert [file.read_bytes() for file in place.parent.glob(".*")] == [b"another build"]
 
     def test_what_a_killed_writer_left_is_undone(self, store: Path) -> None:
         place = default_path(store)
