@@ -1,4 +1,4 @@
-"""Pilots: some blocks of a run, made by the run's own code in a store that is thrown away."""
+"""Pilot blocks: some blocks of a run, made by the run's own code in a temporary store."""
 
 from __future__ import annotations
 
@@ -27,31 +27,31 @@ from grasp_factory.writers.zarr.files import cannot_write, locate
 from grasp_factory.writers.zarr.store import prepare_store
 
 ENOUGH = 0.05
-"""Pilots end when the standard error of the predicted time is below this share of it: three times
-that is what a run may miss its forecast by."""
+"""Pilots end when the standard error of the predicted time is below this share of it. A run may
+miss its forecast by three times that."""
 FEWEST, MOST = 16, 256
-"""Episodes. Fewer say little of their own spread; as the time of an attempt varies by some 60 % of
-its mean, 144 are enough for a run of any length."""
+"""Episodes. Fewer do not show their spread; the time of an attempt varies by some 60 % of its mean,
+so 144 are enough for a run of any length."""
 _ENOUGH_MARK = "enough"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pilot:
-    """A block that was made. Moments are on the clock that all processes share, seconds."""
+    """A block that was made. Times are in seconds on the clock that all processes share."""
 
     block: int
     worker: int
     started: float
     ended: float
     episodes: tuple[float, ...]
-    """Seconds of each, with its share of writing the block."""
+    """Seconds of each, with its share of the time to write the block."""
     peak_bytes: int
     """Largest memory of the worker so far."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PilotResult:
-    """What came of the pilots. Seconds are those a run pays once, whatever its length."""
+    """The result of the pilots. Seconds are those that a run of any length takes once."""
 
     pilots: tuple[Pilot, ...]
     prepare_seconds: float
@@ -173,7 +173,7 @@ def _make_pilot(block: int, report: SendMessage, *, make: BlockMaker, enough: Pa
 
 
 def _mean_start(pilots: Sequence[Pilot]) -> float:
-    """Return the mean over the workers of when they began."""
+    """Return the mean of the times at which the workers began."""
     firsts: dict[int, float] = {}
     for pilot in sorted(pilots, key=lambda pilot: pilot.started):
         firsts.setdefault(pilot.worker, pilot.started)

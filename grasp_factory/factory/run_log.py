@@ -1,4 +1,4 @@
-"""The diary beside a store: one line per run, with all that must not be in the store itself."""
+"""The run log beside a store: one line per run, with facts that must not be in the store."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from grasp_factory.writers.zarr.files import cannot_write
 
 
 class RunLog:
-    """Appends a line to ``<store>.runs.jsonl`` when its ``with`` block ends, however it ends.
+    """Appends a line to ``<store>.runs.jsonl`` when its ``with`` block ends, also after an error.
 
-    Unless nothing began in it: then no line is written, and no file left that was not there.
+    If no work began in the block, no line is written and no file is created.
     """
 
     def __init__(self, store: Path, request: Request) -> None:
@@ -34,7 +34,7 @@ class RunLog:
         self._began = False
 
     def begin(self) -> None:
-        """Say that there is work to do, of which the line shall tell."""
+        """Note that there is work to do, so that a line is written."""
         self._began = True
 
     def count(self) -> None:
@@ -42,11 +42,11 @@ class RunLog:
         self._made += 1
 
     def __enter__(self) -> RunLog:
-        """Open the diary and start the clock.
+        """Open the log and start the clock.
 
         Raises:
-            StoreMismatchError: if something else has the diary's name.
-            StoreError: if the disk or its permissions do not let it be written.
+            StoreMismatchError: if something else has the log's name.
+            StoreError: if the disk or its permissions prevent writing.
         """
         self._is_new = not self.path.exists()
         try:
@@ -59,7 +59,7 @@ class RunLog:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Write the line.
 
-        A diary that cannot be written costs no episode: of that it only warns.
+        If the log cannot be written, it warns: no episode is lost.
         """
         try:
             with self._diary:
@@ -72,11 +72,11 @@ class RunLog:
             warnings.warn(text, GraspFactoryWarning, stacklevel=2)
 
     def _append(self, line: str) -> None:
-        # A full disk, or a kill, may have cut the last line short: it must not take this one along.
+        # A full disk or a kill may have cut the last line short: start a new one.
         size = self._diary.seek(0, os.SEEK_END)
         is_cut = size > 0 and os.pread(self._diary.fileno(), 1, size - 1) != b"\n"
         data = b"\n" * is_cut + f"{line}\n".encode()
-        if self._diary.write(data) < len(data):  # there was room for a part of it
+        if self._diary.write(data) < len(data):  # the disk is full
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def _line(self, kind: type[BaseException] | None) -> dict[str, Any]:

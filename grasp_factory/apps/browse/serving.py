@@ -1,4 +1,4 @@
-"""Listening: a socket on this machine, the server's threads, and the address that people open."""
+"""The HTTP server: its socket, its threads, and the address that people open."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ from grasp_factory.errors import UsageError, shown
 
 PORT = 8642
 PORTS_TRIED = 100
-"""From ``PORT`` on, where none is asked for."""
+"""Ports to try from ``PORT`` on, if none is asked for."""
 THREADS = ASKING + 3
 MOST_CONNECTIONS = 500
 IDLE_S = 30
-"""Seconds after which a connection on which nothing comes is closed."""
+"""Seconds after which an idle connection is closed."""
 MOST_HEADER = 32 * 1024
-"""Bytes of a request's header; addresses with many conditions are long."""
+"""Bytes of a request's header; URLs with many conditions are long."""
 PATIENCE_S = 2.0
-"""For answers that are being made when the server is stopped."""
+"""Seconds to wait for running answers when the server is stopped."""
 _LOG = logging.getLogger("waitress")
 
 
 class Server:
-    """The server of an application, in threads of its own; a context that stops it at its end.
+    """The server of an application, in its own threads; a context manager that stops it.
 
     Attributes:
-        port: that it listens at.
+        port: the TCP port that it listens at.
     """
 
     def __init__(self, app: Flask, listening: socket.socket) -> None:
         """Use a socket from ``listen``; it is closed when the server is stopped."""
-        logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a full grid is no trouble
+        logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a full queue is normal
         self.port: int = listening.getsockname()[1]
         self._sockets: dict[int, Any] = {}
         self._server = create_server(
@@ -59,7 +59,7 @@ class Server:
             cleanup_interval=IDLE_S // 3,
             asyncore_use_poll=True,
             ident=None,
-            max_request_body_size=MOST_BODY + 1,  # it refuses what reaches it
+            max_request_body_size=MOST_BODY + 1,  # larger bodies are refused
             max_request_header_size=MOST_HEADER,
             clear_untrusted_proxy_headers=True,
         )
@@ -73,16 +73,16 @@ class Server:
         return self
 
     def stop(self) -> None:
-        """Let answers end that are being made, close all connections, and end the threads."""
-        _LOG.setLevel(logging.CRITICAL)  # whoever is not done in time is nobody's trouble
-        # Before anything is closed: those who answer would write to it.
+        """Wait for running answers, close all connections, and end the threads."""
+        _LOG.setLevel(logging.CRITICAL)  # answers that take longer are no error
+        # First the threads that answer: they would write to closed connections.
         self._server.task_dispatcher.shutdown(timeout=PATIENCE_S)
         with contextlib.suppress(OSError):
             self._server.trigger.pull_trigger(self._close)
         self._thread.join(PATIENCE_S)
 
     def _close(self) -> None:
-        """Close what is open, in the thread that uses it, which ends without."""
+        """Close all sockets, in the thread that uses them; it ends when there are none."""
         wasyncore.close_all(self._sockets)
 
     def __enter__(self) -> Self:
@@ -93,12 +93,12 @@ class Server:
 
 
 class _Refusal(ErrorTask):  # type: ignore[misc]
-    """The answer to what is no proper request: like all others, and without a word of it."""
+    """The answer to a malformed request: with the headers of all answers, and without its text."""
 
     def execute(self) -> None:
         """Answer."""
         error = self.request.error
-        body = json_bytes({"error": f"{error.reason}: this is no request that is answered here"})
+        body = json_bytes({"error": f"{error.reason}: the request is malformed"})
         self.status = f"{error.code} {error.reason}"
         self.response_headers.extend([("Content-Type", "application/json"), *HEADERS.items()])
         self.set_close_on_finish()
@@ -107,19 +107,19 @@ class _Refusal(ErrorTask):  # type: ignore[misc]
 
 
 class _Parser(HTTPRequestParser):  # type: ignore[misc]
-    """Reads requests; one whose address cannot be taken apart is refused, too."""
+    """Reads requests; one whose URL cannot be parsed is refused, too."""
 
     def parse_header(self, header_plus: bytes) -> None:
         """Read a request's header.
 
         Raises:
-            ParsingError: if it is none.
+            ParsingError: if it is malformed.
         """
         try:
             super().parse_header(header_plus)
-        except ValueError:  # of urlsplit, which waitress lets through
+        except ValueError:  # of urlsplit, which waitress does not catch
             raise ParsingError("Bad URI") from None
-        if self.proxy_scheme or self.proxy_netloc:  # a whole address: its name stands for Host
+        if self.proxy_scheme or self.proxy_netloc:  # an absolute URL: its host replaces Host
             self.headers["HOST"] = self.proxy_netloc
 
 
@@ -129,10 +129,10 @@ class _Channel(HTTPChannel):  # type: ignore[misc]
 
 
 def listen(host: str, port: int | None = None) -> socket.socket:
-    """Return a socket that listens; with no port asked for, at the first free one from ``PORT``.
+    """Return a socket that listens at ``port``, or at the first free one from ``PORT`` on.
 
     Raises:
-        UsageError: if there is no such address here, or the port cannot be had.
+        UsageError: if this machine has no such address, or the port is in use or not allowed.
     """
     ports = [*range(PORT, PORT + PORTS_TRIED)] if port is None else [port]
     while True:
@@ -145,12 +145,12 @@ def listen(host: str, port: int | None = None) -> socket.socket:
 
 
 def address(host: str, port: int, token: str) -> str:
-    """Return what to open in a browser; the token is in the part that browsers keep to themselves.
+    """Return the URL to open; the token is in the fragment, which browsers do not send.
 
     Args:
-        host: That the server is bound to.
-        port: That it listens at.
-        token: That writing needs; empty for none.
+        host: The address that the server is bound to.
+        port: Its port.
+        token: The token that writing needs; empty for none.
     """
     name = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     name = f"[{name}]" if ":" in name else name
@@ -158,13 +158,13 @@ def address(host: str, port: int, token: str) -> str:
 
 
 def own_names(host: str, more: Iterable[str] = ()) -> frozenset[str]:
-    """Return the names that requests to a server bound to ``host`` may be for."""
+    """Return the host names that requests to a server bound to ``host`` may have."""
     machine = {socket.gethostname()} if host in ANY_ADDRESS else set()
     return frozenset({host, "localhost", *machine, *more})
 
 
 def is_loopback(host: str) -> bool:
-    """Say whether an address is reached from this machine only."""
+    """Return whether an address can be reached only from this machine."""
     with contextlib.suppress(ValueError):
         return ipaddress.ip_address(host).is_loopback
     return host.lower() == "localhost"
@@ -174,7 +174,7 @@ def _bound(host: str, port: int) -> socket.socket:
     family, kind, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     listening = socket.socket(family, kind)
     try:
-        # A port that was in use until just now is free; one that is in use is still refused.
+        # A port that was closed a moment ago is free; one that is in use is still refused.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(where)
         listening.listen()

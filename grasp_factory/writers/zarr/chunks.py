@@ -1,7 +1,7 @@
-"""Chunks of the store's own layout, decoded without Zarr's machinery, which costs more than they.
+"""Decoding chunks of the store's own layout without Zarr's machinery, which takes longer than they.
 
-Damaged bytes raise whatever the decoders like, or give other values; they never reach beyond the
-array that is filled.
+Damaged bytes raise any exception of the decoders, or decode to other values; they never write
+outside of the array that is filled.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ _CHECKSUM_BYTES = 4
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 VLEN = VLenUTF8()
 MOST_BYTES = 64 * 2**20
-"""Content of a chunk of words that is taken for one."""
+"""Largest content of a chunk of words that is decoded."""
 MOST_BYTES_OF_A_WORD = 2**20
 
 
 def open_file(file: str | Path) -> int:
-    """Return the descriptor of a file that is opened for reading.
+    """Return the descriptor of a file, open for reading.
 
     Raises:
         OSError: if there is none.
-        ValueError: if something else has its place; a pipe would be waited for without an end.
+        ValueError: unless it is a regular file: opening a FIFO would block.
     """
     descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -42,7 +42,7 @@ def open_file(file: str | Path) -> int:
 
 
 def unpack(data: bytes, out: NDArray[Any]) -> None:
-    """Decompress a chunk of numbers into ``out``, which is contiguous and just as large."""
+    """Decompress a chunk of numbers into ``out``, which is contiguous and has its size."""
     size = _content_size(data)
     if size not in (None, out.nbytes):
         raise ValueError(f"a chunk of {size} bytes, valid: {out.nbytes}")
@@ -70,7 +70,7 @@ class ShardFile:
 
         Raises:
             OSError: if there is none.
-            ValueError: if it is no file, or the index is not the one that was written.
+            ValueError: if it is no regular file, or its index does not match its checksum.
         """
         self._descriptor = open_file(file)
         try:
@@ -86,10 +86,10 @@ class ShardFile:
         os.close(self._descriptor)
 
     def read(self, chunk: int, out: NDArray[Any]) -> bool:
-        """Decompress a chunk into ``out``; return whether it is there.
+        """Decompress a chunk into ``out``; return whether it was ever written.
 
         Raises:
-            ValueError: if it lies beyond the file's end, or is of another size.
+            ValueError: if it lies beyond the file's end, or has another size.
         """
         offset, length = self._index[chunk]
         if offset == length == ABSENT:
@@ -112,9 +112,9 @@ class ShardFile:
 
 
 def _content_size(frame: bytes) -> int | None:
-    """Return the size that a zstd frame's header gives (RFC 8878, 3.1.1.1), None where it does not.
+    """Return the content size in a zstd frame's header (RFC 8878, 3.1.1.1); None if it has none.
 
-    The decoder takes a smaller content than asked for, and would leave the rest of ``out`` as is.
+    The decoder accepts content smaller than ``out``, and would leave the rest of it as it is.
     """
     if len(frame) < 6 or not frame.startswith(_ZSTD_MAGIC):
         raise ValueError("a chunk that is not zstd")

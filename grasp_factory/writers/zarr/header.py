@@ -1,4 +1,4 @@
-"""What a store says about itself: its root attributes, written once, checked at every opening."""
+"""The root attributes of a store: written once, checked each time it is opened."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from grasp_factory.writers.zarr.files import locate
 
 LICENSE = "MIT"
 _NEEDED = {"config": dict, "config_sha256": str, "versions": dict, "platform": dict}
-"""Attributes that every reader counts on, with their JSON types."""
+"""Attributes that every reader needs, with their JSON types."""
 SOURCES = "sources"
-"""The attribute that only stores have which were put together from others: what is from where.
+"""The attribute of stores that were merged or split from others: the origin of their rows.
 
-Their rows have recipes of any seed and index, which the columns of these names tell."""
+Their rows have recipes of any seed and index, which are in the columns of these names."""
 CONVENTIONS = {
     "units": "SI: metres, kilograms, seconds, newtons, radians; each array has its own attribute",
     "quaternion": "xyzw, scalar last, unit",
@@ -39,7 +39,7 @@ CONVENTIONS = {
 
 
 def root_attributes(config: FactoryConfig, extra: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the root attributes of a new store: nothing of the time, the host or the path."""
+    """Return the root attributes of a new store; they do not depend on time, host or path."""
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -112,14 +112,14 @@ def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, Factor
         config = FactoryConfig.from_plain(attributes["config"])
         store = AtomicStore(path, read_only=mode == "r")
         return zarr.open_group(store, mode=mode, zarr_format=3), config
-    except Exception as error:  # Zarr raises whatever it likes at damaged metadata
+    except Exception as error:  # Zarr raises any exception at damaged metadata
         raise StoreError(f"{path} is damaged: {first_line(error)}") from None
 
 
 def fields_of(path: Path, config: FactoryConfig, attributes: Mapping[str, Any]) -> dict[str, Field]:
     """Return by path the fields of the store at ``path``, whose root has these attributes.
 
-    One that was made before there were fingerprints has no column for them.
+    Stores of versions before 0.5.0 have no column of fingerprints.
     """
     fields = {row.path: row for row in schema.expand(config)}
     if FINGERPRINT not in attributes and not (path / schema.FINGERPRINT.path).exists():
@@ -138,7 +138,7 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     except KeyError:
         what = f"array {path}: zarr.json is missing, or is none; run grasp-factory verify on it"
         raise StoreError(f"{_where(root)} is damaged: {what}, and repair") from None
-    except Exception as error:  # Zarr raises whatever it likes at damaged metadata
+    except Exception as error:  # Zarr raises any exception at damaged metadata
         raise StoreError(f"{_where(root)} is damaged: array {path}: {first_line(error)}") from None
     if not isinstance(array, zarr.Array):
         raise StoreError(f"{_where(root)} is damaged: {path} is no array")
@@ -153,7 +153,7 @@ def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:
     """
     try:
         return np.asarray(array[selection])
-    except Exception as error:  # decoders of damaged bytes raise whatever they like
+    except Exception as error:  # decoders raise any exception at damaged bytes
         what = f"{array.path}{_span(selection)} cannot be read: {first_line(error)}"
         raise StoreError(f"{_where(array)}: {what}") from None
 
@@ -178,5 +178,5 @@ def first_line(error: Exception) -> str:
 def _version(library: str) -> str:
     try:
         return version(library)
-    except PackageNotFoundError:  # what only some datasets need
+    except PackageNotFoundError:  # an optional library
         return "none"
