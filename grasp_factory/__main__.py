@@ -1,4 +1,4 @@
-"""The process around the ``grasp-factory`` command: errors as one line, and exit codes."""
+"""The process of the ``grasp-factory`` command: one-line errors and exit codes."""
 
 from __future__ import annotations
 
@@ -30,45 +30,45 @@ LONGEST_MESSAGE = 1000
 
 
 def main() -> NoReturn:
-    """Run the command and exit: 0 done, 1 failure, 2 usage, 130 by Ctrl-C, 143 by SIGTERM.
+    """Run the command and exit: 0 done, 1 failure, 2 wrong usage, 130 Ctrl-C, 143 SIGTERM.
 
-    An error that we foresaw is one line on stderr; a bug keeps its traceback.
+    An expected error prints one line on stderr; a bug prints its traceback.
     """
-    _mend_streams()
+    _open_standard_streams()
     try:
         with signals_as_exceptions(), _warnings_as_lines():
-            from grasp_factory.cli.main import cli  # noqa: PLC0415 - takes so long that Ctrl-C may come
+            from grasp_factory.cli.main import cli  # noqa: PLC0415 - slow: Ctrl-C may come
 
             code = cli.main(prog_name="grasp-factory", standalone_mode=False) or EXIT_DONE
         sys.stdout.flush()
     except SystemExit as left:
         code = left.code if isinstance(left.code, int) else EXIT_DONE
     except click.ClickException as error:
-        code = _complain(error.format_message(), error.exit_code)
+        code = _print_error(error.format_message(), error.exit_code)
     except UsageError as error:
-        code = _complain(str(error), EXIT_USAGE)
+        code = _print_error(str(error), EXIT_USAGE)
     except GraspFactoryError as error:
-        code = _complain(str(error), EXIT_FAILURE)
+        code = _print_error(str(error), EXIT_FAILURE)
     except (click.Abort, KeyboardInterrupt) as error:
         terminated = isinstance(error.__cause__ or error, Terminated)
-        code = _complain("stopped", EXIT_TERMINATED if terminated else EXIT_INTERRUPTED)
-    except BrokenPipeError:  # the reader of our output left: nobody to tell
+        code = _print_error("stopped", EXIT_TERMINATED if terminated else EXIT_INTERRUPTED)
+    except BrokenPipeError:  # the reader of the output is gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_FAILURE
     except OSError as error:
         if error.errno not in MACHINE_TROUBLE:
             raise
         where = f"{error.filename}: " if error.filename else ""
-        code = _complain(f"{where}{error.strerror}", EXIT_FAILURE)
+        code = _print_error(f"{where}{error.strerror}", EXIT_FAILURE)
     leave(code)
 
 
-def _mend_streams() -> None:
+def _open_standard_streams() -> None:
     """Make stdin, stdout and stderr usable, however the process was started.
 
-    A stream that was closed (``>&-``) leads to nowhere: its number must not go to the next file
-    that is opened, which would then get what is printed. A text that the terminal's encoding
-    lacks, such as a path of arbitrary bytes, is printed with escapes.
+    A closed stream (``>&-``) is opened on /dev/null. Otherwise the next file that is opened would
+    get its number, and with it the output. Characters that the terminal's encoding lacks, such as
+    those of a path of arbitrary bytes, are printed as escapes.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
@@ -87,7 +87,7 @@ def _mend_streams() -> None:
 
 @contextlib.contextmanager
 def _warnings_as_lines() -> Iterator[None]:
-    """Print this package's warnings as one line each on stderr."""
+    """Print each warning of this package as one line on stderr."""
     with warnings.catch_warnings():
         shown = warnings.showwarning
 
@@ -102,7 +102,7 @@ def _warnings_as_lines() -> Iterator[None]:
         yield
 
 
-def _complain(message: str, code: int) -> int:
+def _print_error(message: str, code: int) -> int:
     click.echo(f"Error: {_in_one_line(message)}", err=True)
     return code
 

@@ -1,21 +1,20 @@
-"""The exceptions of grasp-factory, and the table lookup that raises one of them.
+"""The exceptions of grasp-factory, and functions for their messages.
 
 GraspFactoryError
 ├── UsageError                  the user asked for something impossible (exit code 2)
 │   ├── ConfigError             also ValueError: a config key or value
-│   ├── UnknownNameError        also KeyError: a name that its table does not have
-│   └── StoreMismatchError      the store at that path belongs to another run or is no store
+│   ├── UnknownNameError        also KeyError: a name that is not in its table
+│   └── StoreMismatchError      the path holds another store, or no store
 ├── StoreError                  a store that cannot be read or written (exit code 1)
 │   └── StoreBusyError          another process holds the store
 ├── RecipeError                 a recipe that cannot be built; the episode is quarantined
-├── WorkerError                 a worker process died; what is committed stays
+├── WorkerError                 a worker process died; committed episodes stay
 └── FailuresError               too many episodes are quarantined
 """
 
 from __future__ import annotations
 
 import difflib
-import errno
 import reprlib
 import signal
 from collections.abc import Iterable, Mapping
@@ -25,12 +24,10 @@ T = TypeVar("T")
 
 EXIT_DONE, EXIT_FAILURE, EXIT_USAGE = 0, 1, 2
 EXIT_INTERRUPTED, EXIT_TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
-DISK_TROUBLE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG}
-"""Numbers of errors that are the disk's, not the program's."""
 
 
 class Terminated(KeyboardInterrupt):
-    """The process was asked to end, by SIGTERM; like Ctrl-C in all but the exit code."""
+    """SIGTERM asked the process to end; handled like Ctrl-C, but with another exit code."""
 
 
 class GraspFactoryWarning(UserWarning):
@@ -50,22 +47,22 @@ class UsageError(GraspFactoryError):
 
 
 class ConfigError(UsageError, ValueError):
-    """A config key or value that is not valid."""
+    """A config key or value is not valid."""
 
 
 class UnknownNameError(UsageError, KeyError):
-    """A name that is not in its table."""
+    """A name is not in its table."""
 
     def __str__(self) -> str:  # KeyError would print the repr of the message
         return str(self.args[0])
 
 
 class StoreMismatchError(UsageError):
-    """The path holds something else than the store that the command asks for."""
+    """The path holds another store than the command needs, or no store."""
 
 
 class StoreError(GraspFactoryError):
-    """A store that cannot be read or written."""
+    """A store cannot be read or written."""
 
 
 class StoreBusyError(StoreError):
@@ -81,11 +78,11 @@ class WorkerError(GraspFactoryError):
 
 
 class FailuresError(GraspFactoryError):
-    """More episodes are quarantined than the run may have; the others are in the store."""
+    """More episodes are quarantined than the run allows; the others are in the store."""
 
 
 class _Shown(reprlib.Repr):
-    """``repr`` with bounds: of how much is visited, and of how long the text gets."""
+    """``repr`` that visits a bounded number of items and returns a bounded text."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -97,18 +94,18 @@ class _Shown(reprlib.Repr):
     def repr_int(self, x: int, level: int) -> str:
         try:
             return super().repr_int(x, level)
-        except ValueError:  # Python writes no integer of more than 4300 digits
+        except ValueError:  # Python does not print integers of more than 4300 digits
             return f"an integer of {x.bit_length()} bits"
 
 
 def shown(value: Any) -> str:
-    """Return ``repr(value)`` for an error message: short, whatever a user has put in."""
+    """Return a short ``repr(value)`` for an error message, also of a huge or nested value."""
     text = _Shown().repr(value)
     return text if len(text) <= 300 else f"{text[:300]}..."
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:
-    """Return a ``; did you mean 'x'?`` hint, or an empty string when nothing is close."""
+    """Return the hint ``; did you mean 'x'?``, or an empty string if no valid name is close."""
     close = difflib.get_close_matches(name[:100], list(valid), n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
 

@@ -1,67 +1,78 @@
-"""The command that closes the loop: rounds of generate, train and generate."""
+"""The command for active learning, rounds of generate and train: ``flywheel``."""
 
 # ruff: noqa: PLC0415
 
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from grasp_factory.cli.options import dataset_options, request_from
-from grasp_factory.cli.params import AS_JSON
+from grasp_factory.cli.options import dataset_options
+from grasp_factory.cli.params import Command, json_option, option
+from grasp_factory.cli.request import request_from
 from grasp_factory.errors import EXIT_INTERRUPTED, EXIT_TERMINATED, Terminated
 
+_rounds = partial(option, heading="Rounds", show_default=True)
+_training = partial(option, heading="Training", show_default=True)
 
-@click.command()
+
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory flywheel loop",
+        "grasp-factory flywheel small --rounds 2 --start 200 --budget 200 --eval 300 --workers 4",
+        "grasp-factory flywheel active --select active --try 500 --objects procedural",
+    ),
+)
 @click.argument("out", type=click.Path(path_type=Path))
-@click.option("--rounds", type=int, default=3, show_default=True, help="After round 0.")
-@click.option(
-    "--start",
-    type=int,
-    default=500,
-    show_default=True,
-    help="Episodes of round 0, by the policies of the config.",
-)
-@click.option(
-    "--budget", type=int, default=500, show_default=True, help="Episodes of each later round."
-)
-@click.option(
+@_rounds("--rounds", metavar="N", type=int, default=3, help="Rounds after round 0.")
+@_rounds("--start", metavar="N", type=int, default=500, help="Episodes of round 0.")
+@_rounds("--budget", metavar="N", type=int, default=500, help="Episodes of each later round.")
+@_rounds(
     "--eval",
     "evaluation",
+    metavar="N",
     type=int,
     default=1000,
-    show_default=True,
-    help="Episodes with objects of the test split, on which all models are judged.",
+    help="Episodes with objects of the test split that all models are evaluated on.",
 )
-@click.option(
+@_rounds(
     "--select",
     type=click.Choice(["active", "random", "both"]),
     default="both",
-    show_default=True,
-    help="Grasps that the model is unsure about, random ones, or an arm of each.",
+    help="New grasps: those with the most uncertain prediction, random ones, or both in two"
+    " separate arms.",
 )
-@click.option(
+@_rounds(
     "--try",
     "tries",
+    metavar="N",
     type=int,
     default=0,
-    show_default=True,
     help="Episodes with objects of the test split in which the last models choose the grasps.",
 )
-@click.option(
+@_rounds(
+    "--workers",
+    metavar="N",
+    type=int,
+    show_default=False,
+    help="Worker processes that make episodes.  [default: 2]",
+)
+@_training(
     "--seeds",
+    metavar="N",
     type=int,
     default=3,
-    show_default=True,
-    help="Models that are trained a round; the first chooses, the figures are of all.",
+    help="Models per round, each with another seed. The first one chooses grasps; results are over"
+    " all of them.",
 )
-@click.option("--epochs", type=int, default=20, show_default=True, help="Of training, at most.")
-@click.option("--workers", type=int, help="Processes that make episodes.  [default: 2]")
+@_training("--epochs", metavar="N", type=int, default=20, help="Largest number of epochs.")
 @dataset_options
-@AS_JSON
+@json_option("Output")
 def flywheel(
     out: Path,
     *,
@@ -76,12 +87,13 @@ def flywheel(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Let a model choose the grasps that it learns from.
+    """Train a model that chooses its own training grasps.
 
-    Round 0 makes episodes with the policies of the config and trains a model; each later round
-    lets the policy `learned` choose new grasps with the model of the round before, and trains on
-    all so far. The folder OUT gets stores, models, flywheel.json and flywheel.png. The same
-    command goes on where it was stopped.
+    Runs rounds of active learning. Round 0 makes episodes with the policies of the config and
+    trains a model. In each later round, the policy `learned` chooses new grasps with the model of
+    the round before, and a new model is trained on all episodes so far. Writes stores, models,
+    flywheel.json and flywheel.png to the folder OUT. To continue a stopped run, run the same
+    command again.
     """
     from grasp_factory.core.optional import require
 
@@ -106,8 +118,8 @@ def flywheel(
             watch=watched,
         )
     except KeyboardInterrupt as why:
-        said = f"Stopped: what is made stays in {out}; run the same command again to go on."
-        click.echo(said, err=True)
+        note = f"Stopped: finished episodes stay in {out}; run the same command again to continue."
+        click.echo(note, err=True)
         sys.exit(EXIT_TERMINATED if isinstance(why, Terminated) else EXIT_INTERRUPTED)
     if as_json:
         click.echo((out / FILE).read_text(encoding="utf-8"), nl=False)

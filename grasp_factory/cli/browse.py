@@ -1,4 +1,4 @@
-"""The command that shows stores in a browser."""
+"""The command that shows stores in a web browser: ``browse``."""
 
 # ruff: noqa: PLC0415
 
@@ -14,33 +14,48 @@ from pathlib import Path
 
 import click
 
+from grasp_factory.cli.params import Command, option
 from grasp_factory.errors import Terminated
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory browse grasps.zarr",
+        "grasp-factory browse grasps.zarr --read-only --no-open --port 8700",
+    ),
+)
 @click.argument(
     "paths", metavar="PATH...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
-@click.option(
+@option(
     "--port",
+    metavar="PORT",
     type=click.IntRange(1, 65535),
-    help="Where to listen.  [default: 8642, or the next one that is free]",
+    help="Port of the server.  [default: 8642, or the next free port]",
 )
-@click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Address to listen at: who can see it."
+@option(
+    "--host",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address that the server listens on; 0.0.0.0 lets other machines connect.",
 )
-@click.option(
+@option(
     "--allow-host",
     "names",
     metavar="NAME",
     multiple=True,
-    help="Answer under this name, too, such as a proxy's. Repeatable.",
+    help="Also answer requests to this host name, such as a proxy's. Repeatable.",
 )
-@click.option("--no-open", is_flag=True, help="Only print the address; open no browser.")
-@click.option(
-    "--index", type=click.Path(path_type=Path), help="Index file.  [default: beside the store]"
+@option("--no-open", is_flag=True, help="Print the address and do not open a browser.")
+@option(
+    "--index",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Index file.  [default: beside the store]",
 )
-@click.option("--read-only", is_flag=True, help="Nobody can tag, or change anything.")
+@option("--read-only", is_flag=True, help="Do not allow tags or other changes.")
 def browse(
     paths: tuple[Path, ...],
     port: int | None,
@@ -51,10 +66,10 @@ def browse(
     index: Path | None,
     read_only: bool,
 ) -> None:
-    """Look at stores in a browser: search, compare, tag.
+    """Search, view and tag episodes in a web browser.
 
-    Serves a page over the stores at PATH, or those of an index file, until Ctrl-C, and prints its
-    address. Only this machine reaches it, unless --host says otherwise.
+    Serves a page for the stores at PATH, or for the stores of an index file, until Ctrl-C, and
+    prints its address. Only this machine can open it unless --host is set.
     """
     from grasp_factory.apps.browse import require_server
 
@@ -68,15 +83,16 @@ def browse(
     token = "" if read_only else secrets.token_urlsafe(24)
     thumbnails = Thumbnails()
     with ExitStack() as stack:
-        socket = stack.enter_context(listen(host, port))  # before the work of an index
+        socket = stack.enter_context(listen(host, port))  # fails before the index is built
         with counted("on_row") as hooks:
-            found = fresh(paths, index, **hooks)  # never closed: an answer may still be at it
+            found = fresh(paths, index, **hooks)  # never closed: a request may still read it
         app = create_app(found, token, own_names(host, names), thumbnails=thumbnails)
         server = stack.enter_context(Server(app, socket))
         url = address(host, server.port, token)
         if not is_loopback(host):
-            what = f"whoever reaches this machine at {host} can see the data"
-            click.echo(f"Warning: {what}; the link lets them tag, too", err=True)
+            what = f"everybody who can connect to {host} can see the data"
+            more = "" if read_only else "; everybody with the link can add tags"
+            click.echo(f"Warning: {what}{more}", err=True)
         click.echo(url)
         sys.stdout.flush()
         threading.Thread(target=thumbnails.prune, daemon=True).start()
@@ -95,7 +111,7 @@ def _wait_for_ctrl_c() -> None:
 
 
 def _has_screen() -> bool:
-    """Say whether a browser could show something: one of text would take the terminal."""
+    """Return whether there is a screen; without one, a text browser would take the terminal."""
     return sys.platform == "darwin" or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     )

@@ -1,4 +1,4 @@
-"""The command that describes a store for those who did not make it."""
+"""The command that describes a store for its publication: ``card``."""
 
 # ruff: noqa: PLC0415
 
@@ -8,36 +8,53 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
 
 
-@click.command()
-@STORE
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Folder for the card.  [default: PATH.card, beside the store]",
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory card grasps.zarr",
+        "grasp-factory card grasps.zarr --name 'Kuka grasps' --license cc-by-4.0 --out card",
+    ),
 )
-@click.option("--name", help="Of the dataset.  [default: the store's]")
-@click.option("--description", help="What it is, in Markdown.  [default: one sentence]")
-@click.option(
+@STORE
+@option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Folder of the card.  [default: PATH.card, beside the store]",
+)
+@option("--name", metavar="TEXT", help="Name of the dataset.  [default: the store's name]")
+@option(
+    "--description",
+    metavar="TEXT",
+    help="Description of the dataset, in Markdown.  [default: one sentence]",
+)
+@option(
     "--license",
     "licence",
     metavar="ID",
-    help="As the Hub calls it, such as cc-by-4.0.  [default: the store's own; unknown with objects"
-    " of your own]",
+    help="Licence identifier of the Hugging Face Hub, such as cc-by-4.0.  [default: the store's, or"
+    " unknown with your own objects]",
 )
-@click.option("--url", help="The dataset's page.")
-@click.option("--date-published", metavar="YYYY-MM-DD", help="The card has no date without it.")
-@click.option("--version", default="1.0.0", show_default=True, help="Of the dataset.")
-@click.option("--force", is_flag=True, help="Replace files that somebody wrote or changed.")
+@option("--url", metavar="URL", help="Web page of the dataset.")
+@option(
+    "--date-published",
+    metavar="YYYY-MM-DD",
+    help="Date of publication.  [default: no date]",
+)
+@option(
+    "--version", metavar="TEXT", default="1.0.0", show_default=True, help="Version of the dataset."
+)
+@option("--force", is_flag=True, help="Replace files that were written or changed by hand.")
 @AS_JSON
 def card(path: Path, *, out: Path | None, force: bool, as_json: bool, **said: str) -> None:
-    """Write a dataset card for the store at PATH.
+    """Write a dataset card for a store.
 
-    A README.md as the Hugging Face Hub wants it, croissant.json for machines, the episodes as
-    episodes.csv, the config, and figures. The store is only read; docs/card.md says how to publish
-    both.
+    Writes a folder for the store at PATH with a README.md for the Hugging Face Hub, croissant.json,
+    the columns of the episodes as episodes.csv, the config and figures. Does not change the store.
+    docs/card.md explains how to publish both.
     """
     from grasp_factory.apps.card import Publication, write_card
 
@@ -48,7 +65,8 @@ def card(path: Path, *, out: Path | None, force: bool, as_json: bool, **said: st
     click.echo("\n".join(str(Path(result.path, name)) for name in result.files))
     if result.missing:
         click.echo(
-            f"{result.missing} rows of {path} are missing: write it again when they are there"
+            f"{result.missing} episodes of {path} are missing: run `grasp-factory generate`, then"
+            " write the card again"
         )
     if result.licence == "unknown":
-        click.echo("the licence is unknown: --license names one")
+        click.echo("the licence is unknown: set it with --license")

@@ -1,4 +1,4 @@
-"""The command that measures how far forces and labels can be trusted."""
+"""The command that measures the accuracy of the physics: ``check-physics``."""
 
 # ruff: noqa: PLC0415
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, print_json
+from grasp_factory.cli.params import AS_JSON, Command, option, print_json
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.text_format import table
 from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE
@@ -19,13 +19,18 @@ if TYPE_CHECKING:
     from grasp_factory.apps.physics_check.figure import Figure
 
 
-@click.command("check-physics")
-@click.option("--short", is_flag=True, help="A minute instead of ten: fewer episodes.")
+@click.command(
+    "check-physics",
+    cls=Command,
+    examples=("grasp-factory check-physics --short", "grasp-factory check-physics --json"),
+)
+@option("--short", is_flag=True, help="Use fewer episodes: one minute instead of ten.")
 @AS_JSON
 def check_physics(short: bool, as_json: bool) -> None:
-    """Measure on this machine how far forces and labels can be trusted.
+    """Measure the accuracy of forces and labels.
 
-    Prints each figure beside its bound; exits with 1 if one is not met.
+    Simulates test cases on this machine and prints each result with its bound. Exits with 1 if a
+    result is out of bounds.
     """
     from grasp_factory.apps.physics_check import FULL, SHORT
     from grasp_factory.apps.physics_check import check_physics as run
@@ -39,7 +44,7 @@ def check_physics(short: bool, as_json: bool) -> None:
 
 
 def figures_text(figures: Iterable[Figure]) -> str:
-    """Return measured figures as a table beside their bounds."""
+    """Return a table of the measured figures and their bounds."""
     head = ("check", "figure", "value", "bound", "samples", "")
     rows = [
         (f.check, f.figure, f"{f.value:.3g} {f.unit}", f.bound, f.samples,

@@ -1,4 +1,4 @@
-"""The command that writes a dataset in the format of another tool."""
+"""The command that writes a dataset in the format of another tool: ``export``."""
 
 # ruff: noqa: PLC0415
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, print_json
+from grasp_factory.cli.params import AS_JSON, Command, option, print_json
 from grasp_factory.cli.row_choice import chosen_rows, row_options
 from grasp_factory.core.config.yaml_loader import parse_yaml
 from grasp_factory.core.text_format import count, size_text, table
@@ -19,18 +19,24 @@ if TYPE_CHECKING:
     from grasp_factory.writers.exporters.run import Exported
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory export",
+        "grasp-factory export --json",
+    ),
+)
 @click.argument("path", required=False, type=click.Path(path_type=Path))
 @click.argument("out", required=False, type=click.Path(path_type=Path))
-@click.option("--format", "name", metavar="NAME", help="One of those that `export` lists.")
-@row_options
-@click.option(
+@option("--format", "name", metavar="NAME", help="Format, see `grasp-factory export`.")
+@option(
     "--option",
     "assignments",
     metavar="KEY=VALUE",
     multiple=True,
-    help="A setting of the format, with a YAML value; repeatable.",
+    help="Set an option of the format to a YAML value. Repeatable.",
 )
+@row_options
 @AS_JSON
 def export(
     path: Path | None,
@@ -41,10 +47,11 @@ def export(
     as_json: bool,
     **rows: Any,
 ) -> None:
-    """Export episodes of a store to another format.
+    """Export episodes to another format.
 
-    Without arguments, list the formats. Otherwise write the episodes of the store at PATH that
-    every option names, or all of them, to OUT, which must not exist.
+    Without arguments, lists the formats. With PATH, OUT and --format, writes episodes of the store
+    at PATH to OUT, which must not exist. Writes all episodes, or those that all of --episodes,
+    --ids and --where choose.
     """
     from grasp_factory.writers.exporters import EXPORTERS
 
@@ -52,7 +59,9 @@ def export(
         _print_formats({key: row.description for key, row in EXPORTERS.items()}, as_json=as_json)
         return
     if out is None or name is None:
-        raise UsageError("export needs PATH, OUT and --format; `grasp-factory export` lists them")
+        raise UsageError(
+            "export needs PATH, OUT and --format; `grasp-factory export` lists the formats"
+        )
     exporter = lookup(EXPORTERS, "format", name)
     from grasp_factory.cli.progress import Counter
     from grasp_factory.dataset.dataset import Dataset
@@ -75,7 +84,7 @@ def _settings(assignments: tuple[str, ...]) -> dict[str, Any]:
     for text in assignments:
         key, equals, value = text.partition("=")
         if not equals or key in found:
-            raise UsageError(f"--option {shown(text)}: expected KEY=VALUE, each key once")
+            raise UsageError(f"--option: got {shown(text)}, valid: KEY=VALUE, each key once")
         found[key] = parse_yaml(value, f"--option {key}")
     return found
 

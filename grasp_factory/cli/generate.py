@@ -1,10 +1,11 @@
-"""The command that makes a dataset."""
+"""The command that makes a dataset: ``generate``."""
 
 # ruff: noqa: PLC0415
 
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import Any, NoReturn
 
 import click
@@ -13,23 +14,38 @@ from grasp_factory.cli.options import (
     check_live,
     dataset_options,
     live_options,
-    request_from,
     run_options,
 )
-from grasp_factory.cli.params import AS_JSON, print_json
+from grasp_factory.cli.params import Command, json_option, option, print_json
+from grasp_factory.cli.request import request_from
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import EXIT_INTERRUPTED, EXIT_TERMINATED, FailuresError, Terminated
 from grasp_factory.factory.run_request import Request
 
+_output = partial(option, heading="Output")
 
-@click.command()
+
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory generate --n 1000 --workers 4 --out grasps.zarr",
+        "grasp-factory generate --robot panda --policy top_down --objects classic --out panda.zarr",
+        "grasp-factory generate --n 100000 --dry-run",
+        "grasp-factory generate --print-config > my.yaml",
+        "grasp-factory generate --config my.yaml --seed 1 --out seed1.zarr",
+    ),
+)
 @run_options
 @dataset_options
-@click.option("--print-config", is_flag=True, help="Print the settings as YAML and make nothing.")
-@click.option("--dry-run", is_flag=True, help="Make some, keep none; say what the run would take.")
 @live_options
-@click.option("--quiet", is_flag=True, help="Print errors only.")
-@AS_JSON
+@_output("--print-config", is_flag=True, help="Print the config as YAML and stop.")
+@_output(
+    "--dry-run",
+    is_flag=True,
+    help="Run a few pilot episodes, print time, disk and memory of the whole run, and stop.",
+)
+@_output("--quiet", is_flag=True, help="Print errors only.")
+@json_option("Output")
 def generate(
     *,
     print_config: bool,
@@ -40,12 +56,12 @@ def generate(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Make grasp episodes, or complete a store.
+    """Simulate grasp episodes and write them to a store.
 
-    The same settings give the same episodes, whatever the number of workers; what is there
-    already stays as it is. So a run may be stopped, and started again with the same command.
+    The episodes depend on the settings alone, not on the number of workers. Episodes that are in
+    the store already stay as they are. To continue a stopped run, run the same command again.
     """
-    check_live(live=live, live_port=live_port, makes_something=not (print_config or dry_run))
+    check_live(live=live, live_port=live_port, makes_episodes=not (print_config or dry_run))
     request = request_from(**options)
     if print_config:
         from grasp_factory.factory.name_check import check_names

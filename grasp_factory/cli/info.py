@@ -1,4 +1,4 @@
-"""The command that counts what a store holds."""
+"""The command that summarizes a store: ``info``."""
 
 # ruff: noqa: PLC0415
 
@@ -8,15 +8,22 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, print_json
 from grasp_factory.core.serialization import to_plain
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=("grasp-factory info grasps.zarr", "grasp-factory info grasps.zarr --json"),
+)
 @STORE
 @AS_JSON
 def info(path: Path, as_json: bool) -> None:
-    """Say what the store at PATH holds."""
+    """Show the contents and the success rates of a store.
+
+    Counts the episodes of the store at PATH by policy, outcome, object and split, and prints its
+    arrays, software versions and config.
+    """
     from grasp_factory.cli.store_report import GROUPS, arrays_text, origin_text, store_text
     from grasp_factory.dataset.dataset import Dataset
     from grasp_factory.dataset.summary import array_facts, summarise

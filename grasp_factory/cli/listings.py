@@ -1,4 +1,4 @@
-"""The commands that list what there is: robots, policies, cameras, sensors, sets of objects."""
+"""The commands that list names: ``objects``, ``robots``, ``policies``, ``cameras`` and ``sensors``."""
 
 # ruff: noqa: PLC0415
 
@@ -10,30 +10,44 @@ from typing import Protocol
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, print_json
+from grasp_factory.cli.params import AS_JSON, Command, option, print_json
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.text_format import table
 from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE
 
 
 class TableRow(Protocol):
-    """A row of a table, with a description of one line."""
+    """A row of a table with a description."""
 
     @property
     def description(self) -> str:
-        """Text for the list."""
+        """One line that says what the row is."""
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory objects",
+        "grasp-factory objects my_meshes",
+        "grasp-factory objects my_meshes --robot panda --json",
+    ),
+)
 @click.argument("folder", required=False, type=click.Path(path_type=Path))
-@click.option("--robot", default=FactoryConfig().robot, help="Whose gripper must hold them.")
+@option(
+    "--robot",
+    metavar="NAME",
+    default=FactoryConfig().robot,
+    show_default=True,
+    help="Robot whose gripper must be able to grasp the objects.",
+)
 @AS_JSON
 @click.pass_context
 def objects(ctx: click.Context, folder: Path | None, robot: str, as_json: bool) -> None:
-    """List the sets of objects, or check a FOLDER of your own.
+    """List the object sets, or check a folder of meshes.
 
-    Every URDF, OBJ, STL and PLY file of the folder can be used or is refused with a reason;
-    exits with 1 if none can be used. `grasp-factory generate --objects FOLDER` drops them.
+    Without FOLDER, lists the built-in object sets. With FOLDER, checks each URDF, OBJ, STL and PLY
+    file in it and prints why a file cannot be used. Exits with 1 if none can be used. To simulate
+    with these objects, run `grasp-factory generate --objects FOLDER`.
     """
     from grasp_factory.objects import OBJECT_SETS
 
@@ -53,8 +67,9 @@ def objects(ctx: click.Context, folder: Path | None, robot: str, as_json: bool) 
 
 def listing(name: str, help: str, find: Callable[[], Mapping[str, TableRow]]) -> click.Command:
     """Return a command that lists a table, which ``find`` imports."""
+    examples = (f"grasp-factory {name}", f"grasp-factory {name} --json")
 
-    @click.command(name, help=help)
+    @click.command(name, cls=Command, help=help, examples=examples)
     @AS_JSON
     def command(as_json: bool) -> None:
         _print_table(find(), as_json=as_json)
@@ -86,10 +101,27 @@ def _sensors() -> Mapping[str, TableRow]:
     return SENSORS
 
 
-robots = listing("robots", "List the robots.", _robots)
-policies = listing("policies", "List the policies, which choose grasps from images.", _policies)
-cameras = listing("cameras", "List the cameras that have names.", _cameras)
-sensors = listing("sensors", "List the sensors that record during an attempt.", _sensors)
+robots = listing(
+    "robots",
+    "List the robots.\n\nTheir names are values of `grasp-factory generate --robot`.",
+    _robots,
+)
+policies = listing(
+    "policies",
+    "List the grasp policies.\n\nA policy chooses grasps from images. The names are values of"
+    " `grasp-factory generate --policy`.",
+    _policies,
+)
+cameras = listing(
+    "cameras",
+    "List the named cameras.\n\nThe names are values of `grasp-factory generate --camera`.",
+    _cameras,
+)
+sensors = listing(
+    "sensors",
+    "List the sensors.\n\nAll of them record during an attempt.",
+    _sensors,
+)
 
 
 def _print_table(rows: Mapping[str, TableRow], *, as_json: bool) -> None:

@@ -1,7 +1,7 @@
-"""The ``grasp-factory`` command: its subcommands, each from a file of its own.
+"""The ``grasp-factory`` command and the table of its subcommands.
 
-To add one, write its file and its row in ``COMMANDS``. What is slow to import is imported inside
-of the command that needs it, so that ``--help`` is quick and runs without PyBullet.
+To add a subcommand, write its file and add it to ``COMMANDS``. Slow imports stand inside of the
+command that needs them, so that ``--help`` is fast and works without PyBullet.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from grasp_factory.cli.card import card
 from grasp_factory.cli.check_physics import check_physics
 from grasp_factory.cli.export import export
 from grasp_factory.cli.generate import generate
-from grasp_factory.cli.index import index, query
+from grasp_factory.cli.index import index
 from grasp_factory.cli.info import info
 from grasp_factory.cli.listings import cameras, objects, policies, robots, sensors
 from grasp_factory.cli.merge import merge, split
 from grasp_factory.cli.params import Commands
 from grasp_factory.cli.pictures import plot, preview, sheet
+from grasp_factory.cli.query import query
 from grasp_factory.cli.relabel import relabel
-from grasp_factory.cli.replay import replay, rerun_
+from grasp_factory.cli.replay import replay
+from grasp_factory.cli.rerun import rerun_
 from grasp_factory.cli.stores import repair, verify
 from grasp_factory.cli.tag import tag, tags
 from grasp_factory.cli.train import learning_curve, train
 
 COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
-    "Make a dataset": (
-        *(generate, preview, objects, robots, policies, cameras, sensors, check_physics),
-    ),
-    "Look at a dataset": (info, sheet, plot, browse, replay, rerun_, card),
-    "Select and annotate episodes": (index, query, tag, tags),
-    "Check and change a dataset": (verify, repair, relabel, merge, split, export),
-    "Learn from a dataset": (train, learning_curve, flywheel),
+    "Make a dataset": (generate, preview, objects, robots, policies, cameras, sensors, check_physics),
+    "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),
+    "Search and annotate episodes": (index, query, tag, tags),
+    "Check, change and export a dataset": (verify, repair, relabel, merge, split, export),
+    "Train on a dataset": (train, learning_curve, flywheel),
 }
-"""The subcommands by the heading that they stand under in the help."""
+"""Heading in the help to subcommands."""
 
 
 @click.group(
@@ -50,7 +50,7 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
 @click.version_option(__version__, prog_name="grasp-factory")
 @click.pass_context
 def cli(ctx: click.Context) -> None:
-    """Make datasets of robot grasps in simulation, and look at them."""
+    """Make datasets of simulated robot grasps, check them, view them and train on them."""
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
 

@@ -1,4 +1,4 @@
-"""The commands that put stores together and take them apart."""
+"""The commands that merge stores and split them: ``merge`` and ``split``."""
 
 # ruff: noqa: PLC0415
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
 from grasp_factory.cli.row_choice import chosen_rows, row_options
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.errors import UsageError
@@ -20,21 +20,29 @@ if TYPE_CHECKING:
 OUT = click.argument("out", type=click.Path(path_type=Path))
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory merge all.zarr grasps.zarr seed1.zarr",
+        "grasp-factory merge all.zarr grasps.zarr seed1.zarr --json",
+    ),
+)
 @OUT
 @click.argument("stores", metavar="STORE...", nargs=-1, type=click.Path(path_type=Path))
-@click.option(
-    ACCEPT, is_flag=True, help="Merge also parts of a seed that were made on different platforms."
+@option(
+    ACCEPT,
+    is_flag=True,
+    help="Also merge parts of one seed that were made on different platforms.",
 )
 @AS_JSON
 def merge(
     out: Path, stores: tuple[Path, ...], *, accept_other_platform: bool, as_json: bool
 ) -> None:
-    """Put several stores into one.
+    """Merge several stores into one.
 
-    Parts of one seed's dataset become that dataset again; stores of different seeds follow one
-    another. Their settings may differ in the seed alone. OUT must not exist; every episode is read
-    back and compared before it does.
+    Parts of one seed become the dataset of that seed again. Stores of different seeds are
+    concatenated. Only the seed may differ between their configs. OUT must not exist; it appears
+    when every episode has been read back and compared.
     """
     from grasp_factory.cli.progress import counted
     from grasp_factory.curation.merge import merge as run
@@ -44,16 +52,24 @@ def merge(
     _print(result, as_json)
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory split grasps.zarr train.zarr --where split=train",
+        "grasp-factory split grasps.zarr few.zarr --episodes 0,3,7",
+        "grasp-factory query grasps.zarr --where tags=odd --ids > odd.txt",
+        "grasp-factory split grasps.zarr odd.zarr --ids odd.txt",
+    ),
+)
 @STORE
 @OUT
 @row_options
 @AS_JSON
 def split(path: Path, out: Path, *, as_json: bool, **options: Any) -> None:
-    """Put chosen episodes of a store into a new one.
+    """Copy chosen episodes to a new store.
 
-    Chosen are those of the store at PATH that every option names, in ascending order. OUT must not
-    exist; every episode is read back and compared before it does.
+    Copies the episodes of the store at PATH that all options choose, in ascending order. OUT must
+    not exist; it appears when every episode has been read back and compared.
     """
     from grasp_factory.cli.progress import counted
     from grasp_factory.curation.merge import split as run
@@ -61,16 +77,36 @@ def split(path: Path, out: Path, *, as_json: bool, **options: Any) -> None:
 
     chosen = chosen_rows(Dataset.open(path), **options)
     if chosen is None:
-        raise UsageError("nothing is chosen: name episodes with --episodes, --ids or --where")
+        raise UsageError("no episodes are chosen: name them with --episodes, --ids or --where")
     with counted("on_row") as hooks:
         result = run(path, out, chosen, **hooks)
     _print(result, as_json)
 
 
 def _print(result: Collected, as_json: bool) -> None:
-    from grasp_factory.cli.curation_report import collected_text
-
     if as_json:
         print_json(result)
     else:
-        click.echo(collected_text(result))
+        click.echo(_text(result))
+
+
+def _text(result: Collected) -> str:
+    from grasp_factory.cli.store_report import sources_lines
+    from grasp_factory.core.text_format import count
+
+    head = f"{result.path}: {count(result.committed, 'episode')}, all read back and compared"
+    if result.repeated:
+        head += f"; {count(result.repeated, 'row')} of several stores were written once"
+    lines = [head, *sources_lines(result.sources)]
+    if result.quarantined:
+        lines.append(f"{result.quarantined} of {result.rows} episodes are quarantined")
+    if result.missing:
+        lines.append(
+            f"{result.missing} of {result.rows} episodes are missing:"
+            " run `grasp-factory generate` on this store"
+        )
+    lines += [f"labels/{name} was copied" for name in result.labels]
+    lines += [f"labels/{n} was not copied: {why}" for n, why in result.labels_left_out.items()]
+    if result.annotations:
+        lines.append(f"annotations of {count(result.annotations, 'episode')} were copied")
+    return "\n".join([*lines, *(f"warning: {warning}" for warning in result.warnings)])

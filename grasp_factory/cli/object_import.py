@@ -1,4 +1,4 @@
-"""Folders of a user's own objects on the command line: imported, reported, named."""
+"""The import of a user's own object folders, with messages for the command line."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from grasp_factory.objects.importing import FolderReport, import_folder, printab
 from grasp_factory.robots import ROBOTS
 
 WARNINGS = 10
-"""Objects whose warnings are printed before a run; the listing has them all."""
+"""Objects whose warnings are printed before a run; `grasp-factory objects` prints all."""
 
 
 def import_for(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderReport:
-    """Import a folder for a robot's gripper, with a line of progress where someone looks.
+    """Import a folder for a robot's gripper; show progress where stderr is a terminal.
 
     Args:
         path: The folder.
-        robot: One of the table's.
-        taken: Names that other folders have.
+        robot: A name of ``ROBOTS``.
+        taken: Set names of other folders.
 
     Raises:
         UsageError: for a folder that cannot be imported.
@@ -37,27 +37,27 @@ def import_for(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderRepor
 
 
 def import_usable(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderReport:
-    """Import a folder and say on stderr what of it cannot be used.
+    """Import a folder and report on stderr which files cannot be used.
 
     Raises:
-        UsageError: for a folder that cannot be imported, or in which nothing can be used.
+        UsageError: for a folder that cannot be imported or has no usable object.
     """
     report = import_for(path, robot, taken)
     for refusal in report.refused:
-        click.echo(f"{path}: {printable(refusal.file)} is not used: {refusal.reason}", err=True)
+        click.echo(f"{path}: {printable(refusal.file)} is skipped: {refusal.reason}", err=True)
     warned = [(item.file, "; ".join(item.warnings)) for item in report.usable if item.warnings]
     for file, warning in warned[:WARNINGS]:
         click.echo(f"{path}: {printable(file)}: {warning}", err=True)
     if len(warned) > WARNINGS:
-        more = f"{len(warned) - WARNINGS} more warnings: `grasp-factory objects {path}`"
+        more = f"{len(warned) - WARNINGS} more warnings; see `grasp-factory objects {path}`"
         click.echo(f"{path}: {more}", err=True)
     if not report.usable:
-        raise UsageError(f"{path}: no object in it can be used; `grasp-factory objects {path}`")
+        raise UsageError(f"{path}: no usable object; see `grasp-factory objects {path}`")
     return report
 
 
 def _set_name(path: Path, taken: Iterable[str]) -> str:
-    """Return a set's name for a folder: its own, as far as it can be one, and free."""
+    """Return a valid set name that is not taken yet, made from the folder's name."""
     name = re.sub(r"\W", "_", Path(os.path.realpath(path)).name) or "objects"
     if name[0].isdigit():
         name = f"_{name}"

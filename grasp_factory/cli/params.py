@@ -1,31 +1,68 @@
-"""What may stand on the command line: command names, and texts that stand for values."""
+"""Parts of the command line: commands and options with grouped help, and parsers of values."""
 
 from __future__ import annotations
 
 import json
 import os
-import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.errors import ConfigError, UsageError, lookup, shown
+from grasp_factory.errors import ConfigError, lookup, shown
 from grasp_factory.factory.run_request import parse_size
 
-STORE = click.argument("path", type=click.Path(path_type=Path))
-IDS = click.option(
-    "--ids", metavar="FILE", type=click.File(), help="Rows, one to a line; - is stdin."
-)
-AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts.")
+F = TypeVar("F", bound=Callable[..., Any])
+
+OPTIONS = "Options"
+"""Heading of the options that name no other."""
+
+
+class Option(click.Option):
+    """An option with the heading that it stands under in the help."""
+
+    def __init__(self, *args: Any, heading: str = OPTIONS, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.heading = heading
+
+
+class Command(click.Command):
+    """A command whose help groups the options under headings and ends with examples.
+
+    Args:
+        examples: Command lines. The help prints each as it is, without wrapping it.
+    """
+
+    def __init__(self, *args: Any, examples: Sequence[str] = (), **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.examples = tuple(examples)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, heading by heading, in the order of their first options."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None and isinstance(parameter, click.Option):
+                heading = parameter.heading if isinstance(parameter, Option) else OPTIONS
+                sections.setdefault(heading, []).append(record)
+        for heading, records in sections.items():
+            with formatter.section(heading):
+                formatter.write_dl(records)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the examples."""
+        if self.examples:
+            with formatter.section("Examples"):
+                for line in self.examples:
+                    formatter.write(f"{' ' * formatter.current_indent}{line}\n")
 
 
 class Commands(click.Group):
     """A group whose help lists the commands under headings.
 
-    It answers an unknown command with the nearest and all valid ones.
+    For an unknown command, the error names the nearest and all valid ones.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -40,7 +77,7 @@ class Commands(click.Group):
             self._sections.setdefault(heading, []).append(command.name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the commands and their first sentences, section by section."""
+        """Write the commands and their first sentences, heading by heading."""
         width = formatter.width - 6 - max(map(len, self.commands))
         for heading, names in self._sections.items():
             with formatter.section(heading):
@@ -59,8 +96,33 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
 
+def option(*names: str, heading: str = OPTIONS, **settings: Any) -> Callable[[F], F]:
+    """Return a decorator that adds an option; see ``click.option`` for the settings."""
+    return click.option(*names, cls=Option, heading=heading, **settings)
+
+
+def options(*decorators: Callable[[F], F]) -> Callable[[F], F]:
+    """Return a decorator that adds several options in this order."""
+
+    def add(command: F) -> F:
+        for decorator in reversed(decorators):
+            command = decorator(command)
+        return command
+
+    return add
+
+
+def json_option(heading: str = OPTIONS) -> Callable[[F], F]:
+    """Return the decorator of ``--json``, which fills the argument ``as_json``."""
+    return option("--json", "as_json", is_flag=True, heading=heading, help="Print JSON.")
+
+
+STORE = click.argument("path", type=click.Path(path_type=Path))
+AS_JSON = json_option()
+
+
 def resolution(text: str) -> list[int]:
-    """Return width and height from WxH."""
+    """Return width and height, in pixels, from WxH."""
     try:
         return parse_size(text)
     except ConfigError as error:
@@ -68,28 +130,17 @@ def resolution(text: str) -> list[int]:
 
 
 def weighted(text: str) -> tuple[str, float]:
-    """Return name and weight from NAME[:WEIGHT]; the name may be a folder's."""
+    """Return name and weight from NAME[:WEIGHT]; the name may be a folder."""
     name, colon, weight = text.rpartition(":")
-    if not colon or os.path.isdir(text):  # unlike Path, it takes names that are too long
+    if not colon or os.path.isdir(text):  # unlike Path.is_dir, it accepts names that are too long
         return text, 1.0
     try:
         return name, float(weight)
     except ValueError:
-        what = f"{shown(text)}: expected NAME or NAME:WEIGHT, as in x:2"
+        what = f"got {shown(text)}, valid: NAME or NAME:WEIGHT, such as top_down:2"
         raise click.BadParameter(what) from None
 
 
-def indices(text: str) -> list[int]:
-    """Return episode indices from I,J,...
-
-    Raises:
-        UsageError: if the text is something else.
-    """
-    if not re.fullmatch(r"[0-9]{1,9}(,[0-9]{1,9})*", text):
-        raise UsageError(f"--episodes {shown(text)}: expected indices with commas, such as 0,3,7")
-    return [int(word) for word in text.split(",")]
-
-
 def print_json(record: Any) -> None:
-    """Print a record for scripts."""
+    """Print a record as JSON."""
     click.echo(json.dumps(to_plain(record), indent=2))

@@ -1,4 +1,4 @@
-"""Progress bars on stderr over things that are done one after the other."""
+"""Progress bars on stderr."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 
 from tqdm import tqdm  # type: ignore[import-untyped]
 
-tqdm.monitor_interval = 0  # no helper thread: signals and spawned workers stay simple
+tqdm.monitor_interval = 0  # without its thread, signals and worker processes stay simple
 
 
 class Counter:
-    """A bar over things that are done one after the other, where stderr is a terminal."""
+    """A progress bar, shown where stderr is a terminal."""
 
     def __init__(self, total: int, unit: str) -> None:
         self._bar = tqdm(
@@ -20,7 +20,7 @@ class Counter:
         )
 
     def count(self) -> None:
-        """Count one."""
+        """Advance by one."""
         self._bar.update()
 
     def __enter__(self) -> Counter:
@@ -33,7 +33,7 @@ class Counter:
 
 @contextlib.contextmanager
 def counted(each: str) -> Iterator[dict[str, Callable[..., None]]]:
-    """Give the hooks ``on_start`` and ``each`` of what goes over rows, which show a bar."""
+    """Yield the hooks ``on_start`` and ``each`` of a loop over rows; they show a bar."""
     with contextlib.ExitStack() as stack:
         counters: list[Counter] = []
 
@@ -48,6 +48,6 @@ def counted(each: str) -> Iterator[dict[str, Callable[..., None]]]:
 
 @contextlib.contextmanager
 def watched(what: str, steps: int) -> Iterator[Callable[[], None]]:
-    """Give what to call after each step of some work, which shows a bar."""
+    """Yield a function to call after each step; it advances a bar."""
     with Counter(steps, what) as counter:
         yield counter.count

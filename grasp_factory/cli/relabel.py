@@ -1,32 +1,57 @@
-"""The command that derives labels from other thresholds."""
+"""The command that derives labels from other thresholds: ``relabel``."""
 
 # ruff: noqa: PLC0415
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
 from grasp_factory.core.serialization import from_plain, to_plain
 
+if TYPE_CHECKING:
+    from grasp_factory.curation.relabel import Relabelled
 
-@click.command()
+_threshold = partial(option, type=float, heading="Thresholds")
+
+
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory relabel grasps.zarr --name strict --min-shake 0.5",
+        "grasp-factory relabel grasps.zarr --name gentle --max-slip-distance 0.005",
+    ),
+)
 @STORE
-@click.option("--name", required=True, help="Of the new label column, labels/NAME.")
-@click.option("--min-lift", type=float, help="Metres above the rest, at the end of the hold.")
-@click.option("--min-shake", type=float, help="Level of the shake to survive; 0 for none.")
-@click.option("--min-grip-force", type=float, help="Newtons of either pad, during the hold.")
-@click.option("--max-slip-distance", type=float, help="Metres in the hand.")
-@click.option("--max-slip-angle", type=float, help="Radians in the hand.")
+@option("--name", metavar="NAME", required=True, help="Name of the new column, labels/NAME.")
+@_threshold(
+    "--min-lift",
+    metavar="METRES",
+    help="Smallest height above the resting pose at the end of the hold.",
+)
+@_threshold(
+    "--min-shake", metavar="LEVEL", help="Shake level in g that the grasp must survive; 0 for none."
+)
+@_threshold(
+    "--min-grip-force", metavar="NEWTONS", help="Smallest force on each pad during the hold."
+)
+@_threshold(
+    "--max-slip-distance", metavar="METRES", help="Largest translation of the object in the hand."
+)
+@_threshold(
+    "--max-slip-angle", metavar="RADIANS", help="Largest rotation of the object in the hand."
+)
 @AS_JSON
 def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) -> None:
-    """Label a store anew, from other thresholds, without simulating.
+    """Label the episodes of a store with other thresholds.
 
-    Thresholds that are not given are those the store at PATH was made with. Its own labels stay.
+    Computes success from the recorded signals and adds it to the store at PATH as labels/NAME,
+    without simulating. Thresholds default to those of the store's config. Existing labels stay.
     """
-    from grasp_factory.cli.curation_report import relabel_text
     from grasp_factory.core.config.sections import LabelConfig
     from grasp_factory.curation.relabel import relabel as run
     from grasp_factory.dataset.dataset import Dataset
@@ -37,4 +62,14 @@ def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) ->
     if as_json:
         print_json(result)
     else:
-        click.echo(relabel_text(result))
+        click.echo(_text(result))
+
+
+def _text(result: Relabelled) -> str:
+    from grasp_factory.core.text_format import count
+
+    return (
+        f"labels/{result.name}: {result.successes} successes of"
+        f" {count(result.episodes, 'episode')} ({result.successes_before} by the store's own"
+        f" label), {count(result.changed, 'outcome')} changed"
+    )

@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+import re
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from grasp_factory.cli.params import IDS, indices
+from grasp_factory.cli.params import option, options
 from grasp_factory.core.config.yaml_loader import parse_yaml
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import UsageError, lookup, shown
@@ -17,57 +20,90 @@ from grasp_factory.errors import UsageError, lookup, shown
 if TYPE_CHECKING:
     from grasp_factory.dataset.dataset import Dataset
 
-F = TypeVar("F", bound=Callable[..., Any])
+_choice = partial(option, heading="Choice of episodes")
 
-_OPTIONS = (
-    click.option("--episodes", metavar="I,J,...", help="These rows."),
-    IDS,
-    click.option(
+IDS = _choice(
+    "--ids",
+    metavar="FILE",
+    type=click.File(),
+    help="File with one episode index per line, as `query --ids` prints it; - for stdin.",
+)
+list_options = options(
+    _choice("--episodes", metavar="I,J,...", help="Episode indices, separated by commas."), IDS
+)
+"""Adds the options that list rows; the command passes their values to ``listed_rows``."""
+row_options = options(
+    list_options,
+    _choice(
         "--where",
         metavar="COLUMN=VALUE",
         multiple=True,
-        help="Episodes with this value, or one of a list, as in policy=[top_down,uniform]."
-        " Repeatable.",
+        help="Episodes with this value, or with one of several, as in"
+        " policy=[top_down,uniform]. Repeatable; all must hold.",
     ),
 )
+"""Adds the options that choose rows; the command passes their values to ``chosen_rows``."""
 
 
-def row_options(command: F) -> F:
-    """Add the options to a command; it hands them to ``chosen_rows`` as they come."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
+def listed_rows(
+    path: Path, episodes: str | None, ids: TextIO | None, has_episode: Sequence[bool] | None = None
+) -> list[int] | None:
+    """Return the rows that both options list, in the first one's order; None without options.
+
+    Args:
+        path: The store.
+        episodes: Indices as in I,J,...
+        ids: See ``read_selection``.
+        has_episode: If given, rows of ``ids`` without an episode are left out with a warning.
+
+    Raises:
+        UsageError: for a text that is not valid, or a list without a row of this store.
+    """
+    from grasp_factory.dataset.selection import read_selection, with_episode
+
+    lists = [] if episodes is None else [_indices(episodes)]
+    if ids is not None:
+        rows = read_selection(ids, path)
+        lists.append(rows if has_episode is None else with_episode(rows, has_episode, path))
+    return _common(lists)
 
 
 def chosen_rows(
     dataset: Dataset, *, episodes: str | None, ids: TextIO | None, where: tuple[str, ...]
 ) -> list[int] | None:
-    """Return the rows that every option names, in the first one's order; None without options.
+    """Return the rows that all options choose, in the first one's order; None without options.
 
     Raises:
         UsageError: for a text that is not valid, or a list without a row of this store.
         UnknownNameError: for an unknown column.
     """
-    from grasp_factory.dataset.selection import read_selection, with_episode
     from grasp_factory.writers.zarr.writer import COMMITTED
 
-    given = [] if episodes is None else [indices(episodes)]
-    if ids is not None:
-        rows = read_selection(ids, dataset.path)
-        given.append(with_episode(rows, dataset.status == COMMITTED, dataset.path))
-    given += [_matching(dataset, condition) for condition in where]
-    if not given:
+    listed = listed_rows(dataset.path, episodes, ids, dataset.status == COMMITTED)
+    lists = [] if listed is None else [listed]
+    return _common([*lists, *(_matching(dataset, condition) for condition in where)])
+
+
+def _common(lists: Sequence[list[int]]) -> list[int] | None:
+    """Return the rows that are in every list, in the first one's order; None without lists."""
+    if not lists:
         return None
-    common = set(given[0]).intersection(*given[1:])
-    return [index for index in given[0] if index in common]
+    common = set(lists[0]).intersection(*lists[1:])
+    return [row for row in lists[0] if row in common]
+
+
+def _indices(text: str) -> list[int]:
+    if not re.fullmatch(r"[0-9]{1,9}(,[0-9]{1,9})*", text):
+        raise UsageError(f"--episodes: got {shown(text)}, valid: indices such as 0,3,7")
+    return [int(word) for word in text.split(",")]
 
 
 def _matching(dataset: Dataset, condition: str) -> list[int]:
-    """Return the episodes that COLUMN=VALUE names."""
+    """Return the episodes for which COLUMN=VALUE holds."""
     column, equals, text = condition.partition("=")
     if not equals:
-        what = f"--where {shown(condition)}"
-        raise UsageError(f"{what}: expected COLUMN=VALUE, such as split=train")
+        what = f"--where: got {shown(condition)}"
+        raise UsageError(f"{what}, valid: COLUMN=VALUE, such as split=train")
     lookup(dict.fromkeys(dataset.columns), "column", column)
     value = parse_yaml(text, f"--where {column}")
     items = value if isinstance(value, list) else [value]

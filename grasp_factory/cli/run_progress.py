@@ -1,4 +1,4 @@
-"""What a person sees on stderr while a dataset is made."""
+"""The progress of a run on stderr and on the live page."""
 
 from __future__ import annotations
 
@@ -27,31 +27,31 @@ if TYPE_CHECKING:
 
 _BAR = "{percentage:3.0f} % |{bar}| {n}/{total} [{elapsed}, {remaining} left, {rate_fmt}{postfix}]"
 READ_S = 10.0
-"""Seconds that a stopped run takes at most to count what is there."""
+"""Longest time that a stopped run takes to count its episodes, seconds."""
 
 
 def stopped_text(path: Path) -> str:
-    """Return one line on a run that was stopped, and how to go on.
+    """Return one line that says what a stopped run made and how to continue it.
 
-    The store is read in a thread that is given up after a while: the signal may have come as Zarr
-    started its own thread, and whoever reads would then wait for ever.
+    The store is read in a thread with a time limit. If the signal came while Zarr started its own
+    thread, reading would block for ever.
     """
-    made = ["what was committed is there"]
+    made = ["committed episodes stay"]
 
     def read() -> None:
         try:
             made[0] = f"{len(Dataset.open(path).committed)} episodes are in {path}"
         except (GraspFactoryError, OSError):
-            made[0] = "nothing is made yet"
+            made[0] = "no episode is made yet"
 
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     reader.join(READ_S)
-    return f"Stopped: {made[0]}; run the same command again to go on."
+    return f"Stopped: {made[0]}; run the same command again to continue."
 
 
 class RunProgress:
-    """Says what will be done, then shows a bar; the bar only where stderr is a terminal."""
+    """Prints the plan of a run and its events; shows a bar where stderr is a terminal."""
 
     def __init__(self, *, quiet: bool) -> None:
         self._quiet = quiet
@@ -59,7 +59,7 @@ class RunProgress:
         self._made = self._successes = 0
 
     def start(self, plan: RunPlan) -> None:
-        """Say what the run is about to do."""
+        """Print the plan."""
         if self._quiet:
             return
         click.echo(plan_text(plan), err=True)
@@ -67,7 +67,7 @@ class RunProgress:
             self._bar = tqdm(total=plan.to_make, bar_format=_BAR, unit="ep", dynamic_ncols=True)
 
     def episode(self, made: Made) -> None:
-        """Count an episode."""
+        """Count an episode; print the reason of a quarantine."""
         if made.outcome == "quarantined" and not self._quiet:
             tqdm.write(f"episode {made.index} is quarantined: {made.reason}", file=sys.stderr)
         self._made += made.outcome != "quarantined"
@@ -78,7 +78,7 @@ class RunProgress:
             self._bar.update()
 
     def loss(self, text: str) -> None:
-        """Tell that a worker was lost."""
+        """Print that a worker was lost."""
         if not self._quiet:
             tqdm.write(text, file=sys.stderr)
 
@@ -92,7 +92,7 @@ class RunProgress:
 
 
 def make(request: Request, *, quiet: bool, view: LiveView | None = None) -> Summary:
-    """Run a request with its progress shown, in a live view as well if there is one.
+    """Run a request and show its progress, also on the live page if there is a view.
 
     See ``factory.generate``.
     """
@@ -128,11 +128,11 @@ def make(request: Request, *, quiet: bool, view: LiveView | None = None) -> Summ
 
 
 def live_view(port: int | None, *, quiet: bool) -> LiveView:
-    """Return a live view that tells of itself between the lines of the bar; see ``live.LiveView``.
+    """Return a live view whose messages do not break the bar; see ``apps.live.LiveView``.
 
     Args:
-        port: where to listen; None for the default, or the next one that is free.
-        quiet: tell of nothing but where it is.
+        port: port of the page; None for the default, or the next free one.
+        quiet: print nothing but the address.
     """
     from grasp_factory.apps.live import LiveView  # noqa: PLC0415 - of the [browse] extra
 
@@ -144,7 +144,7 @@ def _write(text: str) -> None:
 
 
 def forecast(request: Request) -> dry_run.Forecast:
-    """Tell what a request would take, with the pilots counted; see ``dryrun.forecast``."""
+    """Return the forecast of a request and show a bar; see ``factory.dry_run.forecast``."""
     with Counter(request.n, "pilot") as counter:
         executor = ProcessExecutor(request.workers)
         return dry_run.forecast(request, lambda made: counter.count(), executor)

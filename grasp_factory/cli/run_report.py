@@ -1,4 +1,4 @@
-"""A run as text for people: its plan, its summary, its forecast."""
+"""Texts about a run: plan, summary and forecast."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ MOST_NAMED = 10
 
 
 def plan_text(plan: RunPlan) -> str:
-    """Return one line on what a run is about to do."""
+    """Return one line on what a run will do."""
     there = plan.already_there
     if not plan.blocks and plan.shard == WHOLE:
         if there < plan.episodes:
-            return f"{plan.path}: the {there} episodes asked for are there."
-        return f"{plan.path} is complete: {there} episodes are there."
+            return f"{plan.path} already has the {there} episodes of this run."
+        return f"{plan.path} is complete: {count(there, 'episode')}."
     if not plan.blocks:
         return f"Part {plan.shard} of {plan.path} is complete."
     part = "" if plan.shard == WHOLE else f", part {plan.shard}"
     config = plan.config
-    rest = f", {there} are there" if there and plan.shard == WHOLE else ""
+    rest = f" (which has {there})" if there and plan.shard == WHOLE else ""
     width, height = config.resolution
     return (
         f"Making {count(plan.to_make, 'episode')} of {config.robot} at {width}x{height},"
@@ -36,7 +36,7 @@ def summary_text(summary: Summary) -> str:
     speed = ""
     if summary.episodes_per_second is not None:
         speed = f" in {summary.seconds:.1f} s ({summary.episodes_per_second:.2f} episodes/s)"
-    there = f"{summary.already_there} were there" if summary.already_there else ""
+    there = f"{summary.already_there} were already there" if summary.already_there else ""
     head = ", ".join(filter(None, [f"{count(summary.made, 'episode')} made{speed}", there]))
     text = [head, store_text(summary.store, ("policy", "outcome"))]
     if summary.quarantined:
@@ -47,8 +47,8 @@ def summary_text(summary: Summary) -> str:
 
 
 def forecast_text(found: Forecast) -> str:
-    """Return what a run would take as a table."""
-    head = f"{count(found.to_make, 'episode')} to make, {found.already_there} are there"
+    """Return the forecast of a run as a table."""
+    head = f"{count(found.to_make, 'episode')} to make, {found.already_there} already there"
     expected = found.expected
     if expected is None:
         return f"{head}: {found.path} is complete."
@@ -56,14 +56,18 @@ def forecast_text(found: Forecast) -> str:
     rows = [
         ("time", duration_text(expected.seconds), f"with {count(found.workers, 'worker')}"),
         ("speed", f"{found.to_make / expected.seconds:.2f} episodes/s", ""),
-        ("disk", size_text(expected.bytes), f"of {size_text(found.free_bytes)} that are free"),
-        ("memory", size_text(expected.peak_bytes), "at the peak, all workers"),
-        ("success", percent(expected.success_rate), f"95 %: {percent(low)} to {percent(high)}"),
+        ("disk", size_text(expected.bytes), f"of {size_text(found.free_bytes)} free"),
+        ("memory", size_text(expected.peak_bytes), "peak, all workers together"),
+        (
+            "success",
+            percent(expected.success_rate),
+            f"95 %: {percent(low)} to {percent(high)}",
+        ),
     ]
     if expected.quarantined:
-        rows.append(("quarantined", str(expected.quarantined), "of the pilots"))
-    pilots = f"from {count(expected.pilots, 'pilot')}, of which nothing is kept"
+        rows.append(("quarantined", str(expected.quarantined), "of the pilot episodes"))
+    pilots = f"estimated from {count(expected.pilots, 'pilot episode')} that are not kept"
     lines = [f"{head}; {pilots}:", table(rows)]
     if not found.fits:
-        lines.append(f"warning: the disk of {found.path} has no room for it")
+        lines.append(f"warning: the disk of {found.path} has too little space")
     return "\n".join(lines)

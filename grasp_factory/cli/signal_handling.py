@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as exceptions that leave all in good order, wherever they come."""
+"""Ctrl-C and SIGTERM as exceptions, whenever they come."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from typing import Any, NoReturn
 from grasp_factory.errors import Terminated
 
 RETRY_S = 0.01
-"""Seconds after which is tried again what could not be raised, or was lost."""
+"""Seconds until an exception that could not be raised, or was lost, is raised again."""
 
 
 @contextlib.contextmanager
 def signals_as_exceptions() -> Iterator[None]:
     """Raise ``KeyboardInterrupt`` at Ctrl-C and ``Terminated`` at SIGTERM, once.
 
-    A second Ctrl-C ends it at once; so the workers end, too, and the store is as after a power cut.
+    A second Ctrl-C ends the process at once, and the workers with it. The store is then as after a
+    power cut: committed episodes stay.
     """
     wanted: type[KeyboardInterrupt] = KeyboardInterrupt
 
@@ -30,7 +31,7 @@ def signals_as_exceptions() -> Iterator[None]:
         nonlocal wanted
         if number != signal.SIGALRM:
             wanted = Terminated if number == signal.SIGTERM else KeyboardInterrupt
-            _end_at_once_next_time(128 + number)
+            _exit_at_the_next_signal(128 + number)
         if _is_importing(frame):
             try_again()
         else:
@@ -41,7 +42,7 @@ def signals_as_exceptions() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, RETRY_S)
 
     def is_lost(what: Any) -> None:
-        """Hear of an exception that a finaliser could not raise."""
+        """Handle an exception that was raised in a finalizer, where Python drops it."""
         if isinstance(what.exc_value, KeyboardInterrupt):
             try_again()
         elif not _is_stopping():
@@ -52,8 +53,8 @@ def signals_as_exceptions() -> Iterator[None]:
     unraisable = sys.unraisablehook
     sys.unraisablehook = is_lost
     signal.signal(signal.SIGTERM, stop)
-    # A shell starts what is in the background with Ctrl-C ignored; so it stays.
-    if before[signal.SIGINT] in (signal.default_int_handler, _interrupt_late):
+    # A shell starts background processes with Ctrl-C ignored: leave it ignored.
+    if before[signal.SIGINT] in (signal.default_int_handler, _interrupt_after_the_command):
         signal.signal(signal.SIGINT, stop)
     try:
         yield
@@ -61,19 +62,19 @@ def signals_as_exceptions() -> Iterator[None]:
         if signal.getsignal(signal.SIGALRM) is stop:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, before[signal.SIGALRM])
-        if _is_stopping():  # and so until its end
-            _pass_over_what_was_cut()
+        if _is_stopping():  # until the process ends
+            _ignore_unstarted_coroutines()
         else:
             sys.unraisablehook = unraisable
             signal.signal(signal.SIGTERM, before[signal.SIGTERM])
             if signal.getsignal(signal.SIGINT) is stop:
-                signal.signal(signal.SIGINT, _interrupt_late)
+                signal.signal(signal.SIGINT, _interrupt_after_the_command)
 
 
 def leave(code: int) -> NoReturn:
-    """Exit; after a signal without Python's own end.
+    """Exit; after a signal, skip Python's own shutdown.
 
-    Threads and coroutines that the exception cut through would lament there, at any length.
+    Threads and coroutines that the exception interrupted would print tracebacks there.
     """
     if _is_stopping():
         for stream in (sys.stdout, sys.stderr):
@@ -83,29 +84,29 @@ def leave(code: int) -> NoReturn:
     sys.exit(code)
 
 
-def _stop_already(*_: Any) -> None:
-    """Take another SIGTERM: it is being stopped."""
+def _ignore_sigterm(*_: Any) -> None:
+    """Ignore another SIGTERM: the process is stopping already."""
 
 
 def _is_stopping() -> bool:
-    return signal.getsignal(signal.SIGTERM) is _stop_already
+    return signal.getsignal(signal.SIGTERM) is _ignore_sigterm
 
 
-def _pass_over_what_was_cut() -> None:
-    # The exception may have come between the making of a coroutine of Zarr's and its start.
+def _ignore_unstarted_coroutines() -> None:
+    # The exception may have come between the creation and the start of a coroutine of Zarr.
     warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
 
 
-def _end_at_once_next_time(code: int) -> None:
-    _pass_over_what_was_cut()
-    # `timeout` sends SIGTERM twice. Not SIG_IGN: Python complains of a signal on its way meanwhile.
-    signal.signal(signal.SIGTERM, _stop_already)
+def _exit_at_the_next_signal(code: int) -> None:
+    _ignore_unstarted_coroutines()
+    # `timeout` sends SIGTERM twice. With SIG_IGN, Python would complain about a pending signal.
+    signal.signal(signal.SIGTERM, _ignore_sigterm)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, lambda *_: os._exit(code))
 
 
 def _is_importing(frame: FrameType | None) -> bool:
-    """Say whether a module is half imported; libraries go on with it after an exception."""
+    """Return whether an import is in progress; libraries would use the half-imported module."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             return True
@@ -113,8 +114,8 @@ def _is_importing(frame: FrameType | None) -> bool:
     return False
 
 
-def _interrupt_late(*_: Any) -> None:
-    """Take Ctrl-C when the command is done: Python's own end would be torn with a traceback."""
+def _interrupt_after_the_command(*_: Any) -> None:
+    """Handle Ctrl-C after the command: Python's own shutdown would print a traceback."""
     if not threading.main_thread().is_alive():
         os._exit(128 + signal.SIGINT)
     raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""What a store holds, as tables for people."""
+"""Texts about the contents of a store."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from grasp_factory.dataset.summary import StoreSummary, Tally
 from grasp_factory.writers.zarr.header import SOURCES
 
 GROUPS = ("policy", "outcome", "object family", "object set", "split", "tag")
-"""Tables that there are of a store."""
+"""Tables of a store by their keys."""
 MOST_ROWS = 20
-"""Families and tags that are listed."""
+"""Object families and tags that a table lists."""
 BAR = 40
-"""Letters of a bar for all episodes."""
+"""Characters of a bar that stands for all episodes."""
 
 
 def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
-    """Return a store's counts.
+    """Return a store's counts and tables.
 
     Args:
-        store: What to tell about.
-        groups: Of ``GROUPS``, in order. A store that does not know one goes without its table.
+        store: Its summary.
+        groups: Keys of ``GROUPS``, in order. Tables without data are left out.
     """
     head = [
         f"{store.path}: {count(store.committed, 'episode')}, {percent(store.success_rate)} success,"
@@ -35,17 +35,18 @@ def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
     if store.bytes_per_episode:
         head[0] += f" ({size_text(store.bytes_per_episode)} each)"
     if store.missing:
-        head.append(f"{store.missing} of {store.episodes} are missing: run generate again")
+        what = f"{store.missing} of {store.episodes} episodes are missing"
+        head.append(f"{what}: run `grasp-factory generate` again")
     if store.quarantined:
-        head.append(f"{store.quarantined} of {store.episodes} are quarantined")
+        head.append(f"{store.quarantined} of {store.episodes} episodes are quarantined")
     if store.quality:
         scores = ", ".join(f"{n} with {score}" for score, n in store.quality.items())
-        head.append(f"quality, 5 the best: {scores}")
+        head.append(f"quality scores, 5 is the best: {scores}")
     if store.annotated:
         corrected = f", {store.corrected} with a corrected label" if store.corrected else ""
         head.append(f"{count(store.annotated, 'row')} annotated by people{corrected}")
     if len(store.platforms) > 1:
-        head.append(f"made on {len(store.platforms)} platforms, by the fingerprint of each row:")
+        head.append(f"made on {len(store.platforms)} platforms, with these fingerprints:")
         head += [f"  {count(n, 'row')} on {known}" for known, n in store.platforms.items()]
     tables = {
         "policy": _tally_table("policy", store.policies),
@@ -67,7 +68,7 @@ def arrays_text(facts: Iterable[Mapping[str, Any]]) -> str:
 
 
 def origin_text(attributes: Mapping[str, Any]) -> str:
-    """Return what a store was made with, and from which config."""
+    """Return the versions, platform, sources and config of a store."""
     facts = {**attributes["versions"], **attributes["platform"]}
     if known := fingerprint_of(attributes):
         facts[FINGERPRINT] = str(known)
@@ -75,12 +76,12 @@ def origin_text(attributes: Mapping[str, Any]) -> str:
     text = yaml.safe_dump(config, sort_keys=False, default_flow_style=None, width=88)
     parts = [table([("made with", ""), *facts.items()])]
     if SOURCES in attributes:
-        parts.append("\n".join(["put together from", *sources_lines(stored_sources(attributes))]))
+        parts.append("\n".join(["merged from", *sources_lines(stored_sources(attributes))]))
     return "\n\n".join([*parts, f"config\n{text}"]).rstrip()
 
 
 def sources_lines(sources: Iterable[SeedSource]) -> list[str]:
-    """Return a table of the seeds that a store's rows come from, line by line."""
+    """Return the lines of a table of the seeds that a store's rows come from."""
     rows = [
         (source.seed, source.rows, ", ".join(dict.fromkeys(
             f"grasp_factory {maker.versions.get('grasp_factory', '?')}"
@@ -107,7 +108,7 @@ def _outcome_table(store: StoreSummary) -> str:
 
 
 def _family_table(store: StoreSummary) -> str:
-    """Return the families of objects, those with the most episodes first, policy by policy."""
+    """Return a table of object families, largest first, with a column for each policy."""
     if not store.families:
         return ""
     policies = list(store.policies) if len(store.policies) > 1 else []
@@ -127,7 +128,7 @@ def _family_table(store: StoreSummary) -> str:
         return text
     episodes, successes = sum(t.episodes for t in more), sum(t.successes for t in more)
     rest = f"and {len(more)} more: {count(episodes, 'episode')}, {percent(successes / episodes)}"
-    return f"{text}\n{rest} success (--json has them all)"
+    return f"{text}\n{rest} success (--json lists all)"
 
 
 def _tag_table(tags: Mapping[str, int]) -> str:
@@ -135,9 +136,9 @@ def _tag_table(tags: Mapping[str, int]) -> str:
         return ""
     text = table([("tag", "rows"), *list(tags.items())[:MOST_ROWS]], right=(1,))
     more = len(tags) - MOST_ROWS
-    return text if more <= 0 else f"{text}\nand {more} more (--json has them all)"
+    return text if more <= 0 else f"{text}\nand {more} more (--json lists all)"
 
 
 def _cell(tally: Tally | None, digits: int) -> str:
-    """Return episodes and success of a family with a policy."""
+    """Return the number of episodes and the success rate of a family with a policy."""
     return f"{tally.episodes:>{digits}} {percent(tally.success_rate):>7}" if tally else "-"

@@ -1,27 +1,58 @@
-"""The commands about a store that is there: is it whole, and making it whole again."""
+"""The commands that check a store and repair it: ``verify`` and ``repair``."""
 
 # ruff: noqa: PLC0415
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.core.text_format import count
 
-WORKERS = click.option(
-    "--workers", type=int, default=2, show_default=True, help="Processes; 1 works without a pool."
+if TYPE_CHECKING:
+    from grasp_factory.curation.repair import RepairReport
+    from grasp_factory.curation.verify import VerifyReport
+
+MOST_LINES = 50
+"""Lines of a list in a text."""
+WORKERS = option(
+    "--workers",
+    metavar="N",
+    type=int,
+    default=2,
+    show_default=True,
+    help="Worker processes; 1 works without worker processes.",
 )
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory verify grasps.zarr",
+        "grasp-factory verify grasps.zarr --deep 20 --deep-seed 0",
+        "grasp-factory verify grasps.zarr --workers 4 --json",
+    ),
+)
 @STORE
-@click.option("--deep", type=int, default=0, metavar="N", help="Simulate N episodes again as well.")
-@click.option(
-    "--deep-seed", type=int, help="What they are drawn from.  [default: another each time]"
+@option(
+    "--deep",
+    type=int,
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Also simulate N episodes again and compare the bytes.",
+)
+@option(
+    "--deep-seed",
+    metavar="SEED",
+    type=int,
+    help="Seed of the choice of these episodes.  [default: a new one each time]",
 )
 @WORKERS
 @AS_JSON
@@ -35,12 +66,12 @@ def verify(
     workers: int,
     as_json: bool,
 ) -> None:
-    """Check that the store at PATH is what was written.
+    """Check a store for damaged or missing data.
 
-    Looks at its structure, at the checksums of every episode and at what must hold for every
-    array. Changes nothing. Exits with 0 if all is well, and with 1 after naming every problem.
+    Checks the structure of the store at PATH, the checksums of every episode, and the rules that
+    its arrays must follow. Changes nothing. Exits with 0 if there is no problem, and with 1 after
+    it has listed all problems.
     """
-    from grasp_factory.cli.curation_report import verify_text
     from grasp_factory.cli.progress import counted
     from grasp_factory.curation.verify import verify as run
 
@@ -49,25 +80,34 @@ def verify(
     if as_json:
         print_json(to_plain(report) | {"is_whole": report.is_whole})
     else:
-        click.echo(verify_text(report))
+        click.echo(_verify_text(report))
     ctx.exit(0 if report.is_whole else 1)
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory repair grasps.zarr",
+        "grasp-factory repair grasps.zarr --workers 4 --json",
+    ),
+)
 @STORE
 @WORKERS
-@click.option(ACCEPT, is_flag=True, help="Simulate here also what was made on another platform.")
+@option(
+    ACCEPT,
+    is_flag=True,
+    help="Also simulate episodes that were made on another platform, where bytes may differ.",
+)
 @AS_JSON
 @click.pass_context
 def repair(
     ctx: click.Context, path: Path, *, workers: int, accept_other_platform: bool, as_json: bool
 ) -> None:
-    """Make again what is damaged or missing in a store.
+    """Restore damaged or missing data of a store.
 
-    Whatever `verify` finds in the store at PATH is made again from its config and recipes;
-    episodes that are whole stay as they are. Exits with 0 if the store is whole afterwards.
+    Runs `verify` on the store at PATH and makes what is damaged or missing again, from the stored
+    config and recipes. Undamaged episodes stay as they are. Exits with 0 if no problem is left.
     """
-    from grasp_factory.cli.curation_report import repair_text
     from grasp_factory.cli.progress import counted
     from grasp_factory.curation.repair import repair as run
 
@@ -78,5 +118,58 @@ def repair(
         remade = [to_plain(made) | {"is_same": made.is_same} for made in result.remade]
         print_json(to_plain(result) | {"remade": remade} | more)
     else:
-        click.echo(repair_text(result))
+        click.echo(_repair_text(result))
     ctx.exit(0 if result.is_whole else 1)
+
+
+def _verify_text(found: VerifyReport) -> str:
+    """Return the counts of a store, then a line for each problem and note."""
+    parts = (f"{n} {word}" for word in ("quarantined", "missing") if (n := getattr(found, word)))
+    rows = ", ".join([count(found.committed, "episode"), *parts])
+    lines = [f"{found.path}: {rows}"]
+    if found.deep_seed is not None:
+        drawn = ", ".join(map(str, found.simulated)) or "none, because no episode is undamaged"
+        lines.append(f"simulated again: {drawn} (--deep-seed {found.deep_seed})")
+    if found.changed:
+        lines += _changes(found.changed)
+    lines += [f"note: {note}" for note in found.notes]
+    if found.is_whole:
+        return "\n".join([*lines, "no problems found"])
+    lines.append(f"{count(len(found.problems), 'problem')}:")
+    return "\n".join([*lines, *_first(found.problems)])
+
+
+def _repair_text(result: RepairReport) -> str:
+    """Return what a repair found, what it did and what is left."""
+    if not result.before.problems and not result.mended:
+        return f"{result.before.path}: no problems found, nothing to repair"
+    lines = [f"{result.before.path}: {count(len(result.before.problems), 'problem')} found"]
+    lines += _first(result.mended)
+    words = {
+        True: "with the same bytes as before",
+        False: "with DIFFERENT bytes than before",
+        None: "without bytes to compare",
+    }
+    for is_same, word in words.items():
+        rows = [made.episode for made in result.remade if made.is_same is is_same]
+        if rows:
+            named = ", ".join([*map(str, rows[:MOST_LINES]), *["..."][: len(rows) - MOST_LINES]])
+            lines.append(f"{count(len(rows), 'episode')} simulated again {word}: {named}")
+    if result.remade and result.before.changed:
+        lines += _changes(result.before.changed)
+    lines += [f"failed: {failure}" for failure in result.failed]
+    if result.is_whole:
+        return "\n".join([*lines, "no problems left"])
+    left = count(len(result.after.problems), "problem")
+    return "\n".join([*lines, f"{left} left:", *_first(result.after.problems)])
+
+
+def _changes(changes: Iterable[str]) -> list[str]:
+    return ["changed since the store was made:", *(f"  {change}" for change in changes)]
+
+
+def _first(items: Iterable[object]) -> list[str]:
+    """Return a line for each of the first items, and one with the number of the others."""
+    lines = [f"  {item}" for item in items]
+    more = len(lines) - MOST_LINES
+    return lines if more <= 0 else [*lines[:MOST_LINES], f"  and {more} more (--json lists all)"]

@@ -1,38 +1,58 @@
-"""The commands for what people say of episodes: saying it, and listing it."""
+"""The commands that annotate episodes and list the annotations: ``tag`` and ``tags``."""
 
 # ruff: noqa: PLC0415
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, IDS, STORE, indices, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
+from grasp_factory.cli.row_choice import list_options, listed_rows
 from grasp_factory.errors import UsageError, shown
 
 if TYPE_CHECKING:
     from grasp_factory.dataset.annotations import Annotation, Change
 
 NONE = "none"
-"""Word that takes a quality or an outcome back."""
-LONGEST_LINE = 80
-"""Of a change, in a table."""
-EPISODES = click.option("--episodes", metavar="I,J,...", help="These rows.")
+"""The word that removes a quality score or a corrected label."""
+LONGEST_CHANGE = 80
+"""Characters of a change in the table of --history."""
+
+_annotation = partial(option, heading="Annotation")
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory tag grasps.zarr --episodes 3,17 --add odd --note 'slips late'",
+        "grasp-factory tag grasps.zarr --episodes 17 --quality 2 --outcome lost_in_lift",
+        "grasp-factory query grasps.zarr --where 'slip_distance>0.02' --ids > slipped.txt",
+        "grasp-factory tag grasps.zarr --ids slipped.txt --add slipped",
+    ),
+)
 @STORE
-@EPISODES
-@IDS
-@click.option("--add", metavar="TAG", multiple=True, help="Add a tag. Repeatable.")
-@click.option("--remove", metavar="TAG", multiple=True, help="Remove a tag. Repeatable.")
-@click.option("--note", metavar="TEXT", help="Set the note; an empty one clears it.")
-@click.option("--quality", metavar="1..5|none", help="Set the quality, 5 is best; none clears it.")
-@click.option("--outcome", metavar="WORD|none", help="Correct the label; none clears that.")
-@click.option("--who", metavar="NAME", help="Who says so.  [default: $GRASP_FACTORY_USER or you]")
+@list_options
+@_annotation("--add", metavar="TAG", multiple=True, help="Add a tag. Repeatable.")
+@_annotation("--remove", metavar="TAG", multiple=True, help="Remove a tag. Repeatable.")
+@_annotation("--note", metavar="TEXT", help="Set the note; an empty text removes it.")
+@_annotation(
+    "--quality",
+    metavar="1..5|none",
+    help="Set the quality score, where 5 is the best; none removes it.",
+)
+@_annotation(
+    "--outcome", metavar="WORD|none", help="Correct the label; none removes the correction."
+)
+@_annotation(
+    "--who",
+    metavar="NAME",
+    help="Name of the annotator.  [default: $GRASP_FACTORY_USER, or your user name]",
+)
 @AS_JSON
 def tag(
     path: Path,
@@ -47,16 +67,16 @@ def tag(
     who: str | None,
     as_json: bool,
 ) -> None:
-    """Say something of episodes: tags, a note, their quality, the right outcome.
+    """Add tags, notes, scores or corrected labels to episodes.
 
-    It is kept in the store at PATH with who said it and when, apart from what was measured, and
-    stays when the store grows, is repaired, merged or split. `grasp-factory tags` lists it.
+    Annotations are kept in the store at PATH with author and time, apart from the measured data.
+    They stay when the store grows or is repaired, merged or split. `grasp-factory tags` lists them.
     """
     from grasp_factory.core.text_format import count
     from grasp_factory.dataset.annotations import AnnotationLog, default_who
 
     for word in sorted({*add}.intersection(remove)):
-        raise UsageError(f"--add and --remove both say {shown(word)}: choose one of them")
+        raise UsageError(f"--add and --remove both name {shown(word)}: choose one of them")
     changes: list[tuple[str, Any]] = [("tag", text) for text in add]
     changes += [("untag", text) for text in remove]
     if note is not None:
@@ -65,23 +85,29 @@ def tag(
         changes.append(("quality", _quality(quality)))
     if outcome is not None:
         changes.append(("outcome", None if outcome == NONE else outcome))
-    rows = _rows(path, episodes, ids)
+    rows = listed_rows(path, episodes, ids)
     if not rows:
         raise UsageError("no episodes are chosen: name them with --episodes or --ids")
     person = default_who() if who is None else who
-    found = AnnotationLog(path).append(person, rows, changes)
+    found = AnnotationLog(path).append(person, sorted(set(rows)), changes)
     if as_json:
         print_json([{"row": row, "annotation": said} for row, said in found.items()])
     else:
         click.echo(f"{path}: {count(len(found), 'episode')} annotated by {person}")
 
 
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory tags grasps.zarr",
+        "grasp-factory tags grasps.zarr --csv > annotations.csv",
+        "grasp-factory tags grasps.zarr --episodes 17 --history",
+    ),
+)
 @STORE
-@EPISODES
-@IDS
-@click.option("--history", is_flag=True, help="Every change, with who made it and when.")
-@click.option("--csv", "as_csv", is_flag=True, help="Print CSV for spreadsheets.")
+@list_options
+@option("--history", is_flag=True, help="Print every change with author and time.")
+@option("--csv", "as_csv", is_flag=True, help="Print CSV.")
 @AS_JSON
 def tags(
     path: Path,
@@ -92,10 +118,10 @@ def tags(
     as_csv: bool,
     as_json: bool,
 ) -> None:
-    """List what people have said of the episodes of a store.
+    """List the annotations of a store.
 
-    Prints the tags of the store at PATH with how many episodes have them; with --json or --csv all
-    annotations, episode by episode, and with --history every change that led there.
+    Prints each tag of the store at PATH with its number of episodes. With --json or --csv, prints
+    the annotations of each episode. With --history, prints every change.
     """
     from grasp_factory.dataset.annotations import AnnotationLog
     from grasp_factory.dataset.annotations.listing import annotations_csv, changes_csv
@@ -104,7 +130,7 @@ def tags(
     if as_csv and as_json:
         raise UsageError("--csv and --json: choose one of them")
     read_attributes(path)
-    log, rows = AnnotationLog(path), _rows(path, episodes, ids)
+    log, rows = AnnotationLog(path), listed_rows(path, episodes, ids)
     chosen = None if rows is None else set(rows)
     said = [found for row, found in sorted(log.annotations().items()) if _is_in(chosen, row)]
     changes = [change for change in log.changes() if _is_in(chosen, change.row)]
@@ -113,7 +139,7 @@ def tags(
     elif as_csv:
         click.echo(changes_csv(changes) if history else annotations_csv(said), nl=False)
     else:
-        nothing = "no annotations: grasp-factory tag makes them"
+        nothing = "no annotations; `grasp-factory tag` adds them"
         if chosen is not None and log.annotations():
             nothing = "no annotations of these episodes"
         click.echo((_history_text(changes) if history else _text(said)) or nothing)
@@ -121,24 +147,12 @@ def tags(
         click.echo(f"warning: annotations/log.jsonl, line {line} {fault}", err=True)
 
 
-def _rows(path: Path, episodes: str | None, ids: TextIO | None) -> list[int] | None:
-    """Return the rows that every option names; None if there are no options."""
-    given = [] if episodes is None else [indices(episodes)]
-    if ids is not None:
-        from grasp_factory.dataset.selection import read_selection
-
-        given.append(read_selection(ids, path))
-    if not given:
-        return None
-    return sorted(set(given[0]).intersection(*given[1:]))
-
-
 def _is_in(chosen: set[int] | None, row: int) -> bool:
     return chosen is None or row in chosen
 
 
 def _quality(text: str) -> int | str | None:
-    """Return the number that a text is, or the text, which is then refused."""
+    """Return the number in a text, or the text itself, which the log refuses."""
     if text == NONE:
         return None
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 9 else text
@@ -167,6 +181,6 @@ def _history_text(changes: Sequence[Change]) -> str:
     rows = []
     for change in changes:
         text = change_text(change)
-        short = text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE - 3]}..."
+        short = text if len(text) <= LONGEST_CHANGE else f"{text[: LONGEST_CHANGE - 3]}..."
         rows.append((change.when, change.who, change.row, change.kind, short))
     return table([("when", "who", "row", "change", "value"), *rows], right=(2,))

@@ -1,63 +1,82 @@
-"""The commands that learn from a store: baselines, and what more data is worth."""
+"""The commands that train baseline models: ``train`` and ``learning-curve``."""
 
 # ruff: noqa: PLC0415
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any, TextIO, TypeVar
+from typing import Any, TextIO
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, IDS, STORE, print_json
+from grasp_factory.cli.params import STORE, Command, json_option, option, options, print_json
+from grasp_factory.cli.row_choice import IDS
 from grasp_factory.core.output_file import is_in_store
 from grasp_factory.errors import UsageError, shown
 
-F = TypeVar("F", bound=Callable[..., Any])
+_training = partial(option, heading="Training")
+_output = partial(option, heading="Output")
 
-_OPTIONS = (
+learning_options = options(
     IDS,
-    click.option(
+    _training(
         "--test",
         type=click.Path(path_type=Path),
         metavar="PATH",
-        help="Another store, whose test split judges.  [default: the same]",
+        help="Store whose test split the models are evaluated on.  [default: the same store]",
     ),
-    click.option("--seed", type=int, default=0, show_default=True, help="Of weights and order."),
-    click.option("--epochs", type=int, help="At most.  [default: 20]"),
-    click.option("--threads", type=int, help="Of torch.  [default: 1]"),
-    click.option("--noise", help="What sensors add when examples are read: see docs/noise.md."),
+    _training(
+        "--noise",
+        metavar="NAME",
+        help="Sensor noise that is added to the inputs, see docs/noise.md.  [default: none]",
+    ),
+    _training(
+        "--seed",
+        metavar="SEED",
+        type=int,
+        default=0,
+        show_default=True,
+        help="Seed of the initial weights and of the order of examples.",
+    ),
+    _training("--epochs", metavar="N", type=int, help="Largest number of epochs.  [default: 20]"),
+    _training("--threads", metavar="N", type=int, help="Threads of PyTorch.  [default: 1]"),
 )
+"""Adds the options of training."""
 
 
-def learning_options(command: F) -> F:
-    """Add the options that say how to train."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-@click.command()
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory train grasps.zarr",
+        "grasp-factory train grasps.zarr --baseline vision --epochs 5 --out vision",
+    ),
+)
 @STORE
-@click.option(
+@_training(
+    "--baseline",
+    "kinds",
+    metavar="NAME",
+    multiple=True,
+    help="Baseline: vision, touch or both. Repeatable.  [default: all three]",
+)
+@_training(
+    "--episodes",
+    metavar="N",
+    type=int,
+    help="Train on the first N episodes of the train split.  [default: all]",
+)
+@learning_options
+@_output(
     "--out",
+    metavar="DIR",
     type=click.Path(path_type=Path),
     default="baselines",
     show_default=True,
     help="New folder for weights, report and plots.",
 )
-@click.option(
-    "--baseline",
-    "kinds",
-    metavar="NAME",
-    multiple=True,
-    help="vision, touch or both; repeatable.  [default: all three]",
-)
-@click.option("--episodes", type=int, help="Of the train split, the first.  [default: all]")
-@learning_options
-@AS_JSON
+@json_option("Output")
 def train(
     *,
     path: Path,
@@ -69,11 +88,12 @@ def train(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Train baselines on the store at PATH and judge them on its held-out objects.
+    """Train baseline models and test them on unseen objects.
 
-    vision sees the depth image before the attempt, touch the pads' wrenches until the lift, both
-    sees both. The table has what needs no learning beside them. With --ids, only these rows of the
-    train split are learned from; what chooses weights and judges stays whole.
+    Trains on the train split of the store at PATH and evaluates on the objects of its test split.
+    The input of vision is the depth image before the attempt, the input of touch the forces and
+    torques on the pads until the lift, and both has both inputs. The table also has baselines
+    without training. --ids selects training episodes only, not those of validation and test.
     """
     _check_libraries()
     from grasp_factory.apps.learning import plots
@@ -102,30 +122,51 @@ def train(
         print_json(report)
         return
     click.echo(report_text(report))
-    click.echo(f"weights, report.json, roc.png and calibration.png are in {out}")
+    click.echo(f"the weights, report.json, roc.png and calibration.png are in {out}")
 
 
-@click.command("learning-curve")
-@STORE
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default="learning-curve",
-    show_default=True,
-    help="New folder for table and plot.",
+@click.command(
+    "learning-curve",
+    cls=Command,
+    examples=(
+        "grasp-factory learning-curve grasps.zarr --sizes 100,300",
+        "grasp-factory learning-curve grasps.zarr --baseline touch --seeds 5 --out touch-curve",
+    ),
 )
-@click.option("--sizes", default="250,1000,4000", show_default=True, help="Training episodes.")
-@click.option("--seeds", type=int, default=3, show_default=True, help="How often all is done.")
-@click.option(
+@STORE
+@_training(
+    "--sizes",
+    metavar="N,N,...",
+    default="250,1000,4000",
+    show_default=True,
+    help="Numbers of training episodes.",
+)
+@_training(
+    "--seeds",
+    metavar="N",
+    type=int,
+    default=3,
+    show_default=True,
+    help="Models per size, each with another seed.",
+)
+@_training(
     "--baseline",
     "kind",
     metavar="NAME",
     default="vision",
     show_default=True,
-    help="vision, touch or both.",
+    help="Baseline: vision, touch or both.",
 )
 @learning_options
-@AS_JSON
+@_output(
+    "--out",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    default="learning-curve",
+    show_default=True,
+    help="New folder for table and plot.",
+)
+@json_option("Output")
 def learning_curve(
     *,
     path: Path,
@@ -138,9 +179,10 @@ def learning_curve(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Train on more and more of the store at PATH and plot what it is worth.
+    """Plot model accuracy against the number of episodes.
 
-    Each size is trained with several seeds, each on another random part of the train split.
+    Trains models on random parts of the train split of the store at PATH, of several sizes and with
+    several seeds for each size, and evaluates them on its test split.
     """
     _check_libraries()
     from grasp_factory.apps.learning import plots
@@ -199,7 +241,7 @@ def _open(path: Path, test: Path | None, noise: str | None) -> tuple[Any, Any]:
 def _about(
     store: tuple[Path, Any], test: tuple[Path, Any], noise: str | None, course: Any
 ) -> dict[str, Any]:
-    """Return what a report says of where it comes from; no time of day, so that runs compare."""
+    """Return the origin of a report; without a time of day, so that equal runs have equal bytes."""
     from grasp_factory import __version__
     from grasp_factory.core.serialization import to_plain
 
@@ -217,26 +259,28 @@ def _named(path: Path, dataset: Any) -> dict[str, str]:
 
 
 def _new_folder(out: Path) -> None:
-    """Make the folder, before anything is read that takes long.
+    """Make the folder, before the slow reading begins.
 
     Raises:
-        UsageError: if something would be overwritten, or it cannot be made.
+        UsageError: if it is not empty, is inside a store, or cannot be made.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise UsageError(f"{out} is there already; give another folder with --out")
+        raise UsageError(f"{out} exists and is not an empty folder: choose another one with --out")
     if is_in_store(out):
-        raise UsageError(f"{out} is inside a store, which holds data only; give another with --out")
+        raise UsageError(f"{out} is inside a store: choose another folder with --out")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"{out} cannot be made: {error.strerror}; give another --out") from None
+        what = f"{out} cannot be made: {error.strerror}"
+        raise UsageError(f"{what}; choose another folder with --out") from None
 
 
 def _numbers(text: str) -> tuple[int, ...]:
     try:
         return tuple(int(word) for word in text.split(","))
     except ValueError:
-        raise UsageError(f"--sizes {shown(text)}: expected numbers such as 250,1000,4000") from None
+        what = f"--sizes: got {shown(text)}"
+        raise UsageError(f"{what}, valid: numbers such as 250,1000,4000") from None
 
 
 def _write(path: Path, report: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Optional libraries: the error that says how to install a missing one."""
+"""Checks that optional libraries are installed, with messages that say how to install them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def require(*modules: str, extra: str) -> None:
     """Check that the libraries of an extra are installed, without importing them.
 
     Args:
-        modules: the names that they are imported by.
+        modules: their import names.
         extra: the extra of this package that installs them.
 
     Raises:
-        UsageError: naming those that are missing, and how to install them.
+        UsageError: naming the missing libraries and the command that installs them.
     """
     missing = [name for name in modules if find_spec(name) is None]
     if missing:
@@ -28,18 +28,21 @@ def require(*modules: str, extra: str) -> None:
 
 def missing_libraries(*modules: str, extra: str) -> UsageError:
     """Return the error to raise when libraries of an extra are not installed."""
-    names = ", ".join(modules)
-    return UsageError(f"this needs {names}, not installed: pip install 'grasp-factory[{extra}]'")
+    verb = "is" if len(modules) == 1 else "are"
+    return UsageError(
+        f"this needs {', '.join(modules)}, which {verb} not installed:"
+        f" pip install 'grasp-factory[{extra}]'"
+    )
 
 
 def require_pybullet() -> None:
     """Check that PyBullet is installed, without importing it.
 
     Raises:
-        UsageError: if it is not, with what to install.
+        UsageError: naming the command that installs it.
     """
     if find_spec("pybullet") is None:
         raise UsageError(
-            "this simulates, or reads PyBullet's models, and needs pybullet, not installed:"
+            "this simulates or reads PyBullet's models and needs pybullet, which is not installed:"
             f" pip install 'grasp-factory[simulation]' ({PYBULLET_WHEELS})"
         )

@@ -1,12 +1,15 @@
-"""OS errors caused by the disk, permissions or limits."""
+"""OS errors that the disk, permissions or limits cause, not the episode and not the program."""
 
 from __future__ import annotations
 
 import errno
 
-from grasp_factory.errors import DISK_TROUBLE
-
-MACHINE_TROUBLE = DISK_TROUBLE | {
+MACHINE_TROUBLE = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EIO,
+    errno.EROFS,
+    errno.EFBIG,
     errno.EACCES,
     errno.EPERM,
     errno.ENOMEM,
@@ -21,8 +24,8 @@ MACHINE_TROUBLE = DISK_TROUBLE | {
     errno.ESTALE,
     errno.ETIMEDOUT,
 }
-"""Numbers of these errors."""
-GO_ON = "what is committed stays: mend that and run the same command again to go on"
-"""Ends the message of a run that such an error stopped."""
+"""Error numbers that come from the disk, permissions and limits."""
+GO_ON = "committed episodes stay: solve this and run the same command again to continue"
+"""End of the message of a run that such an error stopped."""
 NO_THREAD = "can't start new thread"
-"""Text of the RuntimeError that Python raises where processes or memory are limited."""
+"""Message of Python's RuntimeError where the number of processes or the memory is limited."""

@@ -1,4 +1,4 @@
-"""Files that a command writes for its user: where they may go, and writing them atomically."""
+"""Output files of commands: checks of the path, and atomic writing."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from grasp_factory.errors import StoreError, UsageError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileKind:
-    """A file format, and how to recognise it."""
+    """A file format and how to recognize it."""
 
     what: str
-    """Its name with the article: a GIF animation."""
+    """Name with an article, such as: a GIF animation."""
     suffix: str
-    """Lower case, with the dot."""
+    """In lower case, with the dot."""
     magic: bytes
-    """Bytes near the beginning of each such file."""
+    """Bytes that such files have at ``offset``."""
     offset: int = 0
-    """Bytes before the magic."""
+    """Number of bytes before ``magic``."""
 
     def is_that_of(self, path: Path) -> bool:
-        """Return whether an existing file is of this format.
+        """Return whether an existing file has this format.
 
         Raises:
             OSError: if it cannot be read.
@@ -37,22 +37,22 @@ class FileKind:
 
 
 def check_out(path: Path, kinds: Sequence[FileKind]) -> FileKind:
-    """Return the format that a file's name stands for, if the file may be written.
+    """Return the format that belongs to the suffix of a path, if a file may be written there.
 
-    An existing file is replaced if it has that format; another one is an error.
+    An existing file may be replaced only if it has this format.
 
     Raises:
-        UsageError: if the name has another suffix, the folder does not exist or is in a store, or
-            another file has the name.
+        UsageError: if the suffix is unknown, the folder does not exist or is inside a store, or
+            the path exists and is not a file of this format.
     """
     kind = next((kind for kind in kinds if path.suffix.lower() == kind.suffix), None)
     if kind is None:
         valid = " or ".join(kind.suffix for kind in kinds)
-        raise UsageError(f"{path}: unknown format, valid: a name that ends in {valid}")
+        raise UsageError(f"{path}: unknown file format, valid: a name that ends in {valid}")
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist")
     if is_in_store(path):
-        raise UsageError(f"{path} is inside a store, which holds data only: choose another folder")
+        raise UsageError(f"{path} is inside a store: choose another folder")
     try:
         is_free = not path.exists() or (path.is_file() and kind.is_that_of(path))
     except OSError as error:
@@ -63,19 +63,19 @@ def check_out(path: Path, kinds: Sequence[FileKind]) -> FileKind:
 
 
 def is_in_store(path: Path) -> bool:
-    """Return whether a path is a Zarr store or inside one; links on the way are followed."""
+    """Return whether a path is a Zarr store or inside one; links are followed."""
     real = Path(os.path.realpath(path.parent), path.name)
     return any((above / "zarr.json").exists() for above in (real, *real.parents))
 
 
 @contextlib.contextmanager
 def written_aside(path: Path) -> Iterator[Path]:
-    """Yield a name beside ``path`` to write to; the file becomes ``path`` when the block succeeds.
+    """Yield a temporary path beside ``path``, and rename it to ``path`` after the block.
 
-    It has the same suffix. After an error nothing of it stays.
+    It has the same suffix. If the block raises, the temporary file is removed.
 
     Raises:
-        StoreError: if it cannot be written.
+        StoreError: if the file cannot be written.
     """
     try:
         with replacing(path, path.with_name(f".{path.stem}.partial{path.suffix}")) as partial:

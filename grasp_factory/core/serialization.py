@@ -1,4 +1,4 @@
-"""Frozen dataclasses to plain data (what JSON and YAML hold) and back, with exact error texts."""
+"""Conversion of frozen dataclasses to plain data, as in JSON and YAML, and back, with checks."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def from_plain(cls: type[R], data: Any, where: str = "") -> R:
 
     Raises:
         ConfigError: for an unknown key (with the nearest valid one), a missing key without
-            default, a wrong type, or a value that the record's own checks refuse.
+            default, a wrong type, or a value that the record's own checks reject.
     """
     if not isinstance(data, Mapping):
         raise ConfigError(f"{where or 'config'}: expected a mapping of keys, got {shown(data)}")
@@ -58,10 +58,10 @@ def from_plain(cls: type[R], data: Any, where: str = "") -> R:
 
 
 def normalise(record: Any) -> None:
-    """Give each field of a frozen record its declared type, whatever the caller passed.
+    """Convert each field of a frozen record to its declared type, in place.
 
-    Then equal records are equal in every bit: 1 and 1.0 for a float, a list and a tuple, numpy's
-    numbers and Python's. Call it first in ``__post_init__``.
+    Equal records are then equal in every bit, whether the caller passed 1 or 1.0 for a float, a
+    list or a tuple, a number of NumPy or of Python. Call it first in ``__post_init__``.
 
     Raises:
         ConfigError: naming the field, what it got and what is valid.
@@ -79,12 +79,12 @@ def sections_of(cls: type[Any]) -> dict[str, type[Any]]:
 
 
 def is_integer(value: Any) -> bool:
-    """Say whether a value is an integer, also of numpy; True and False are none."""
+    """Return whether a value is an integer of Python or NumPy; True and False are not."""
     return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
 def is_number(value: Any) -> bool:
-    """Say whether a value is a real number, also of numpy; True and False are none."""
+    """Return whether a value is a real number of Python or NumPy; True and False are not."""
     return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
@@ -104,7 +104,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         return None if value is None else _convert(args[0], value, where)
-    if hint is Any:  # checked where its meaning is known
+    if hint is Any:  # its owner checks it
         return value
     if dataclasses.is_dataclass(hint):
         return value if isinstance(value, hint) else from_plain(hint, value, where)  # type: ignore[arg-type]

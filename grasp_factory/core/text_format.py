@@ -1,4 +1,4 @@
-"""Tables, numbers, rates, sizes and times as people read them."""
+"""Text for people: tables, numbers, rates, sizes and times."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 
 def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
-    """Return rows as aligned columns; those whose position is in ``right`` are right-aligned."""
+    """Return rows as aligned columns; columns with an index in ``right`` are right-aligned."""
     cells = [[str(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     flush = set(right)
@@ -21,22 +21,22 @@ def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
 
 
 def bar(share: float, width: int) -> str:
-    """Return a bar for a share of 1, which is ``width`` long; what is there at all is seen."""
+    """Return a bar for a share in [0, 1] of ``width`` characters; only a share of 0 has none."""
     return "#" * max(1, round(share * width)) if share > 0.0 else ""
 
 
 def count(number: int, noun: str) -> str:
-    """Return a number with its noun, in the plural unless it is one."""
+    """Return a number with its noun, which is in the plural unless the number is 1."""
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
 def percent(rate: float | None) -> str:
-    """Return a rate in per cent, or a dash for none."""
+    """Return a rate in per cent, or a dash for None."""
     return "-" if rate is None else f"{100 * rate:.1f} %"
 
 
 def size_text(size: float) -> str:
-    """Return bytes in a readable unit, with powers of 1000."""
+    """Return a number of bytes in a readable unit, with powers of 1000."""
     for unit in ("B", "kB", "MB", "GB"):
         if size < 1000:
             return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
@@ -45,7 +45,7 @@ def size_text(size: float) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Return a time in a readable unit."""
+    """Return seconds in a readable unit."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     if seconds < 2 * 3600:

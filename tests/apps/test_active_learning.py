@@ -604,7 +604,7 @@ class TestTurning:
             patch.setattr(progress, "make", make_until_random)
             code, _, said = run("flywheel", fly, *FEW)
         assert code == 130
-        assert "run the same command again to go on" in said
+        assert "run the same command again to continue" in said
         noted = json.loads((fly / FILE).read_bytes())["arms"]
         assert [len(noted[arm]) for arm in ("active", "random")] == [2, 1]
         assert run("flywheel", fly, *FEW)[0] == 0

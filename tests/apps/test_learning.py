@@ -332,7 +332,7 @@ def test_train_writes_weights_report_and_plots_once(
     assert load_model((tmp_path / "a" / "touch.safetensors").read_bytes(), "touch").kind == "touch"
     code, _, said = run(*args, "--out", tmp_path / "a")
     assert (code, said.count("\n")) == (2, 1)
-    assert "is there already" in said
+    assert "exists and is not an empty folder" in said
     assert run(*args, "--out", tmp_path / "b")[0] == 0
     for name in names:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()

@@ -544,7 +544,7 @@ class TestARealRun:
             assert time.monotonic() - asked < 10.0
             last_line = run.err.splitlines()[-1]
             assert last_line.startswith("Stopped: ")
-            assert last_line.endswith("run the same command again to go on.")
+            assert last_line.endswith("run the same command again to continue.")
             assert "Traceback" not in run.err
         there = len(Dataset.open(out).committed)
         with running(out, there + 1) as run:

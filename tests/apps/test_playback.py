@@ -418,12 +418,12 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("args", "said"),
         [
-            (("--fps", 5), "--fps is about a video: add --video FILE.mp4"),
-            (("--no-caption",), "--caption is about a video"),
+            (("--fps", 5), "--fps is for a video: add --video FILE.mp4"),
+            (("--no-caption",), "--caption is for a video"),
             (("--video", "v.avi"), "v.avi"),
             (("--video", "v.mp4", "--camera", "frnt"), "did you mean 'front'"),
-            (("--video", "v.mp4", "--eye", "1,0,1"), "give both"),
-            (("--video", "v.mp4", "--eye", "1,0", "--target", "0,0,0"), "expected metres X,Y,Z"),
+            (("--video", "v.mp4", "--eye", "1,0,1"), "set both"),
+            (("--video", "v.mp4", "--eye", "1,0", "--target", "0,0,0"), "valid: X,Y,Z in metres"),
             (("--video", "v.mp4", "--eye", "1,0,1e9", "--target", "0,0,0"), "within 100 m"),
             (
                 ("--video", "v.mp4", "--eye", "1,0,1", "--target", "0,0,0", "--camera", "front"),

@@ -352,7 +352,7 @@ class TestCommand:
         monkeypatch.setattr(sdk, "find_spec", lambda name: None)
         code, err = complaint("rerun", TINY, 0)
         assert code == 2
-        assert "this needs rerun, not installed: pip install 'grasp-factory[rerun]'" in err
+        assert "this needs rerun, which is not installed: pip install 'grasp-factory[rerun]'" in err
         assert list(tmp_path.iterdir()) == []
 
     def test_writes_nothing_into_the_users_folders(self, tmp_path: Path) -> None:
@@ -425,5 +425,5 @@ def test_a_file_is_named_after_store_and_episode(tmp_path: Path) -> None:
 
 
 def test_a_place_for_no_recording_is_told_before_anything_is_read(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="unknown format"):
+    with pytest.raises(UsageError, match="unknown file format"):
         recording.write_recording(Dataset.open(TINY), 0, tmp_path / "r.txt")

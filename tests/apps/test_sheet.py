@@ -265,7 +265,7 @@ def test_no_picture_is_put_into_a_store(tmp_path: Path, place: str) -> None:
     (tmp_path / "s.zarr" / "zarr.json").write_text("{}")
     (tmp_path / "link").symlink_to(tmp_path / "s.zarr" / "episodes")
     before = tree(tmp_path)
-    with pytest.raises(UsageError, match=r"p\.png is inside a store, which holds data only"):
+    with pytest.raises(UsageError, match=r"p\.png is inside a store: choose another folder"):
         write_png(tmp_path / place / "p.png", np.zeros((2, 2, 3), np.uint8))
     assert tree(tmp_path) == before
 

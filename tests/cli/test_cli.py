@@ -98,8 +98,8 @@ class TestGenerate:
         before = tree(store.parent)
         result = run("generate", "--n", 4, "--out", store, "--resolution", "32x24")
         assert result.code == 0
-        assert "is complete: 4 episodes are there" in result.err
-        assert "0 episodes made, 4 were there" in result.out
+        assert "is complete: 4 episodes." in result.err
+        assert "0 episodes made, 4 were already there" in result.out
         assert tree(store.parent) == before
 
     def test_counts_what_is_there_of_what_is_asked_for(
@@ -108,7 +108,7 @@ class TestGenerate:
         larger = shutil.copytree(store, tmp_path / "larger.zarr")
         result = run("generate", "--n", 3, "--out", larger, "--resolution", "32x24")
         assert result.code == 0
-        assert "larger.zarr: the 3 episodes asked for are there" in result.err
+        assert "larger.zarr already has the 3 episodes of this run" in result.err
 
     def test_gives_scripts_json_and_nothing_else_on_stdout(self, run: Run, store: Path) -> None:
         result = run("generate", "--n", 4, "--out", store, "--resolution", "32x24", "--json")
@@ -194,7 +194,7 @@ WRONG = [
     (["--record-hz", "50"], "record_hz: got 50, valid: a divisor of"),
     (["--robot", "kuka"], "unknown robot 'kuka'; did you mean 'kuka_iiwa'? (valid: "),
     (["--policy", "topdown"], "unknown policy 'topdown'; did you mean 'top_down'? (valid: "),
-    (["--policy", "uniform:much"], "'--policy': 'uniform:much': expected NAME or NAME:WEIGHT"),
+    (["--policy", "uniform:much"], "'--policy': got 'uniform:much', valid: NAME or NAME:WEIGHT"),
     (["--policy", "uniform:0"], "policies: got {'uniform': 0.0}, valid: names with weights"),
     (["--objects", "blob"], "unknown object set 'blob'; did you mean 'blobs'? (valid: "),
     (["--set", "motion.gripforce=1"], "unknown key 'motion.gripforce'; did you mean 'grip_force'"),
@@ -516,7 +516,7 @@ class TestALongRun:
         assert first.startswith("Making 300 episodes")
         assert last.startswith("Stopped: ")
         assert last.endswith(
-            "episodes are in " + str(out) + "; run the same command again to go on."
+            "episodes are in " + str(out) + "; run the same command again to continue."
         )
         self.check_that_it_goes_on(out)
 

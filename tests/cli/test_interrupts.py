@@ -155,7 +155,7 @@ def test_a_run_that_is_told_to_stop_says_how_to_go_on_and_does(
         said = check_end(process, out, {128 + number})
     assert said.startswith(last or ("Stopped: ", "Error: stopped"))
     if last:
-        assert said.endswith("; run the same command again to go on.")
+        assert said.endswith("; run the same command again to continue.")
     assert not list(tmp_path.glob("*.lock")), "it let the store go"
     check_completion(out, want)
 
@@ -202,7 +202,7 @@ def test_a_reader_that_waits_for_ever_does_not_hold_up_a_stopped_run(
     monkeypatch.setattr(progress, "READ_S", 0.05)
     monkeypatch.setattr(progress.Dataset, "open", lambda path: threading.Event().wait())
     said = progress.stopped_text(Path("ds.zarr"))
-    assert said == "Stopped: what was committed is there; run the same command again to go on."
+    assert said == "Stopped: committed episodes stay; run the same command again to continue."
 
 
 CHILD = """

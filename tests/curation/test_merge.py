@@ -466,7 +466,7 @@ class TestSeveralSeeds:
         merge([stores / "even", stores / "other"], tmp_path / "out")
         done = run("info", tmp_path / "out")
         assert done.returncode == 0, done.stderr
-        assert "put together from\nseed  rows  made with\n   0     8  grasp_factory" in done.stdout
+        assert "merged from\nseed  rows  made with\n   0     8  grasp_factory" in done.stdout
 
 
 class TestLabels:
@@ -829,7 +829,7 @@ class TestCommand:
             ["0", "8"],
             ["5", "6"],
         ]
-        assert lines[4:] == ["1 of 14 rows are quarantined"]
+        assert lines[4:] == ["1 of 14 episodes are quarantined"]
         assert done.stderr == ""
 
     def test_json_has_all_of_it(self, stores: Path, tmp_path: Path) -> None:
@@ -841,7 +841,9 @@ class TestCommand:
 
     def test_missing_rows_are_said(self, stores: Path, tmp_path: Path) -> None:
         done = run("merge", tmp_path / "out", stores / "even")
-        assert done.stdout.splitlines()[-1] == f"6 of {N} are missing: run generate on it"
+        assert done.stdout.splitlines()[-1] == (
+            f"6 of {N} episodes are missing: run `grasp-factory generate` on this store"
+        )
 
     @pytest.mark.parametrize(
         ("args", "message"),

@@ -535,8 +535,8 @@ class TestTheCommand:
         code, out, err = run("repair", copy, "--workers", 1)
         assert (code, err) == (0, "")
         assert "rows 8 to 9 are whole again" in out
-        assert "the same again" in out
-        assert "the store is whole" in out
+        assert "with the same bytes as before" in out
+        assert "no problems left" in out
         assert "nothing to repair" in run("repair", copy)[1]
 
     def test_exits_with_1_when_something_is_left(self, copy: Path, run: Any) -> None:
@@ -754,7 +754,7 @@ class TestOnAnotherPlatform:
         assert code == 1
         assert out.count("--accept-other-platform") == 1
         code, out, _ = run("repair", broken, "--accept-other-platform")
-        assert (code, out.splitlines()[-1]) == (0, "the store is whole")
+        assert (code, out.splitlines()[-1]) == (0, "no problems left")
 
 
 class TestAFingerprintThatIsLost:

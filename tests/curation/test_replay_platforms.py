@@ -14,7 +14,7 @@ from support.elsewhere import HERE, THERE, made_there, move, set_attributes, set
 from support.platform_processes import WITHOUT_FMA, command, needs_fma
 from support.stored import old_store
 
-from grasp_factory.cli.curation_report import replay_text
+from grasp_factory.cli.replay_report import replay_text
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.platforms import FINGERPRINT

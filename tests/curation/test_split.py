@@ -232,14 +232,14 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("args", "message"),
         [
-            ((), "nothing is chosen: name episodes with --episodes, --ids or --where"),
-            (("--episodes", "1;2"), "--episodes '1;2': expected indices with commas"),
+            ((), "no episodes are chosen: name them with --episodes, --ids or --where"),
+            (("--episodes", "1;2"), "--episodes: got '1;2', valid: indices such as 0,3,7"),
             (("--episodes", "99"), "episode 99 of store: valid: 0 to 15"),
             (("--episodes", "1,1"), "episode 1 of store is chosen twice"),
             (("--ids", "words"), "--ids words: line 2: got 'x y', valid: one episode index a line"),
             (("--ids", "binary"), "--ids binary: it is no text"),
             (("--ids", "nothing"), "Invalid value for '--ids': 'nothing': No such file"),
-            (("--where", "split"), "--where 'split': expected COLUMN=VALUE"),
+            (("--where", "split"), "--where: got 'split', valid: COLUMN=VALUE"),
             (("--where", "spilt=train"), "unknown column 'spilt'; did you mean 'split'?"),
             (("--where", "self=1"), "unknown column 'self'"),
             (("--where", "split=3"), "where: split: got 3, valid: string"),

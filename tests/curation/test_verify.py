@@ -666,7 +666,7 @@ class TestTheCommand:
     def test_says_that_all_is_well_and_exits_with_0(self, store: Path, run: Any) -> None:
         code, out, err = run("verify", store)
         assert (code, err) == (0, "")
-        assert "all is as it was written" in out
+        assert "no problems found" in out
 
     def test_names_every_problem_and_exits_with_1(self, copy: Path, run: Any) -> None:
         delete("streams/phase/0.0")(copy)
@@ -687,7 +687,7 @@ class TestTheCommand:
     def test_text_is_cut_after_50_problems(
         self, copy: Path, run: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("grasp_factory.cli.curation_report.MOST_LINES", 2)
+        monkeypatch.setattr("grasp_factory.cli.stores.MOST_LINES", 2)
         for block in range(3):
             delete(f"episodes/spec/{block}")(copy)
         problems = len(verify(copy).problems)

@@ -1118,7 +1118,10 @@ class TestTheCommands:
         [
             (("--add", "x"), "no episodes are chosen: name them with --episodes or --ids"),
             (("--episodes", "0"), "no changes: name a tag"),
-            (("--episodes", "0", "--add", "x", "--remove", "x"), "--add and --remove both say 'x'"),
+            (
+                ("--episodes", "0", "--add", "x", "--remove", "x"),
+                "--add and --remove both name 'x'",
+            ),
             (("--episodes", "0", "--add", "a,b"), "tag: got 'a,b', valid: 1 to 64 printable"),
             (("--episodes", "0", "--add", "\x1b[31m"), "tag: got '\\x1b[31m'"),
             (("--episodes", "0", "--quality", "6"), "quality: got 6, valid: 1 to 5, or none"),
@@ -1128,7 +1131,7 @@ class TestTheCommands:
             (("--episodes", "0", "--add", "x", "--who", ""), "who: got ''"),
             (("--episodes", "99", "--add", "x"), "episode 99 of"),
             (("--episodes", "9", "--add", "x"), "is missing: only rows that are there"),
-            (("--episodes", "1-3", "--add", "x"), "--episodes '1-3': expected indices"),
+            (("--episodes", "1-3", "--add", "x"), "--episodes: got '1-3', valid: indices"),
         ],
     )
     def test_answer_a_mistake_in_a_line(
@@ -1155,7 +1158,7 @@ class TestTheCommands:
     def test_list_nothing_of_a_store_without(
         self, run: Callable[..., tuple[int, str, str]], store: Path
     ) -> None:
-        assert run("tags", store)[:2] == (0, "no annotations: grasp-factory tag makes them\n")
+        assert run("tags", store)[:2] == (0, "no annotations; `grasp-factory tag` adds them\n")
         assert json.loads(run("tags", store, "--json")[1]) == []
 
     def test_warn_of_a_damaged_line(

@@ -670,7 +670,7 @@ class TestCommands:
 
     def test_a_table_and_how_many_there_are(self, run: Run, store: Path) -> None:
         code, out, err = run("query", store, "--where", "status=committed", "--limit", "3")
-        assert (code, err) == (0, "12 episodes, of which 3 are shown\n")
+        assert (code, err) == (0, "12 episodes, 3 shown\n")
         head, *lines = out.splitlines()
         assert head.split()[:3] == ["row", "outcome", "object_id"]
         assert [line.split()[0] for line in lines] == ["0", "1", "2"]
@@ -769,7 +769,7 @@ class TestCommands:
         self, run: Run, store: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         whole = run("query", store, "--csv", "--sort", "lift_height")
-        monkeypatch.setattr("grasp_factory.cli.index.PAGE", 3)
+        monkeypatch.setattr("grasp_factory.cli.query.PAGE", 3)
         assert run("query", store, "--csv", "--sort", "lift_height") == whole
 
     def test_help_lists_the_columns(self, run: Run) -> None:
@@ -789,7 +789,10 @@ class TestCommands:
             (("--where", "row"), "condition 'row': valid: COLUMN=VALUE"),
             (("--sort", "nope"), "unknown column 'nope'"),
             (("--columns", "row,polcy"), "unknown column 'polcy'; did you mean 'policy'?"),
-            (("--json", "--csv"), "--json, --csv, --ids, --count: valid: one of them"),
+            (
+                ("--json", "--csv"),
+                "--json, --csv, --ids and --count: got several, valid: one of them",
+            ),
             (("--limit", "-1"), "Invalid value for '--limit'"),
             (("--index", "/nowhere/i.sqlite"), "cannot be written: No such file"),
         ],

@@ -160,7 +160,7 @@ def test_a_bar_is_seen_unless_there_is_nothing(share: float, width: int) -> None
 def test_a_store_without_episodes_has_its_tables(tmp_path: Path) -> None:
     prepare_store(tmp_path / "empty.zarr", CONFIG, JOINTS, 3, {})
     text = store_text(summarise(Dataset.open(tmp_path / "empty.zarr")), GROUPS)
-    assert "3 of 3 are missing" in text
+    assert "3 of 3 episodes are missing" in text
     assert "outcome  episodes  share" in text
 
 

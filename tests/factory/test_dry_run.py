@@ -219,7 +219,9 @@ class TestForecast:
         assert "warning" not in forecast_text(found)
         full = dataclasses.replace(found, free_bytes=1)
         assert not full.fits
-        assert f"warning: the disk of {tmp_path / 'ds.zarr'} has no room" in forecast_text(full)
+        assert f"warning: the disk of {tmp_path / 'ds.zarr'} has too little space" in forecast_text(
+            full
+        )
 
     def test_the_command_prints_a_table_or_json(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -230,7 +232,7 @@ class TestForecast:
         args += ["--set", "physics.free_hz=240", "--set", "physics.contact_hz=960"]
         cli.main(args, "grasp-factory", standalone_mode=False)
         text = capsys.readouterr().out
-        assert text.startswith("4 episodes to make, 0 are there; from 4 pilots")
+        assert text.startswith("4 episodes to make, 0 already there; estimated from 4 pilot")
         for word in ("time", "disk", "memory", "success"):
             assert f"\n{word} " in text
         cli.main([*args, "--json"], "grasp-factory", standalone_mode=False)

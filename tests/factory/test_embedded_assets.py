@@ -60,7 +60,7 @@ def generate(out: str, *more: object) -> subprocess.CompletedProcess[str]:
 def test_a_folder_is_used_with_its_refusals_and_warnings_named(home: Path) -> None:
     done = generate("a.zarr", "--workers", "1")
     assert done.returncode == 0, done.stderr
-    assert "things: broken.stl is not used: it has no faces" in done.stderr
+    assert "things: broken.stl is skipped: it has no faces" in done.stderr
     assert "größer.obj: taken as millimetres" in done.stderr
     ids = set(Dataset.open(home / "a.zarr").column("object_id"))
     assert ids <= {"things/small", "things/größer"}
@@ -152,7 +152,7 @@ class TestListing:
         assert run("objects", "things").returncode == 1
         done = generate("a.zarr")
         assert done.returncode == 2
-        assert "no object in it can be used" in done.stderr
+        assert "no usable object" in done.stderr
         assert not (home / "a.zarr").exists()
 
     @pytest.mark.parametrize("name", ["./nothing", "things/small.obj"])

@@ -491,7 +491,7 @@ class TestInTheStore:
     ) -> None:
         summary = summarise(Dataset.open(store))
         assert summary.quality == {"5": 6}
-        assert "quality, 5 the best: 6 with 5" in store_text(summary, ("policy",))
+        assert "quality scores, 5 is the best: 6 with 5" in store_text(summary, ("policy",))
         config = FactoryConfig(**TINY, quality=BLUR_OF_NOTHING)
         generate(config, 3, tmp_path / "poor.zarr", workers=1)
         poor = summarise(Dataset.open(tmp_path / "poor.zarr"))

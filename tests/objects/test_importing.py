@@ -16,7 +16,7 @@ import pytest
 from support import nasty_meshes
 from support.helpers import assert_same_tree
 
-from grasp_factory.cli import options
+from grasp_factory.cli import request as cli_request
 from grasp_factory.cli.object_import import import_for
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.config.physics import PhysicsConfig, Stepping
@@ -169,20 +169,20 @@ class TestImporting:
     def test_a_name_that_is_too_long_is_no_folder(self) -> None:
         with pytest.raises(UsageError, match="is no folder with meshes"):
             import_for(Path("x" * 5000), "panda")
-        assert not options._is_folder("x" * 5000)
-        assert not options._is_folder("")
+        assert not cli_request._is_folder("x" * 5000)
+        assert not cli_request._is_folder("")
 
     def test_one_folder_given_twice_is_refused(self, folder: Path) -> None:
-        with pytest.raises(UsageError, match="one folder is given twice"):
-            options._import([str(folder), f"{folder}/"], "panda")
+        with pytest.raises(UsageError, match="are the same folder, valid: each folder once"):
+            cli_request._import([str(folder), f"{folder}/"], "panda")
 
     def test_names_do_not_hang_on_the_order_of_folders(self, tmp_path: Path) -> None:
         folders = [str(tmp_path / name / "mugs") for name in ("a", "b")]
         for name in folders:
             Path(name).mkdir(parents=True)
             (Path(name) / "box.obj").write_bytes(BOX)
-        found = options._import(folders, "panda")
-        assert options._import(folders[::-1], "panda") == found
+        found = cli_request._import(folders, "panda")
+        assert cli_request._import(folders[::-1], "panda") == found
         assert found[folders[1]][0] == "mugs_"
 
     def test_a_cache_that_cannot_be_written_is_named(

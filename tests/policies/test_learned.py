@@ -251,7 +251,7 @@ class TestImport:
             assert done.returncode == 2
             assert done.stderr.count("\n") == 1, done.stderr
             assert (
-                "Error: this needs torch, not installed: pip install 'grasp-factory[train]'"
+                "this needs torch, which is not installed: pip install 'grasp-factory[train]'"
                 in done.stderr
             )
 

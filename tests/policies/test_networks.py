@@ -465,6 +465,7 @@ def test_what_is_not_installed_is_named() -> None:
     with pytest.raises(UsageError) as caught:
         require("numpy", "no_such_one", "nor_this", extra="train")
     assert str(caught.value) == (
-        "this needs no_such_one, nor_this, not installed: pip install 'grasp-factory[train]'"
+        "this needs no_such_one, nor_this, which are not installed:"
+        " pip install 'grasp-factory[train]'"
     )
     require("numpy", extra="train")
