@@ -10,10 +10,8 @@ from numpy.typing import ArrayLike
 from grasp_factory.core.elementary import arctan2, sincos
 from grasp_factory.core.linear import Array as Array  # noqa: PLC0414
 from grasp_factory.core.linear import length, norm, product, turned
-
-Vector3 = tuple[float, float, float]
-QuatXyzw = tuple[float, float, float, float]
-"""A quaternion, scalar last."""
+from grasp_factory.core.vectors import QuatXyzw as QuatXyzw  # noqa: PLC0414
+from grasp_factory.core.vectors import Vector3 as Vector3  # noqa: PLC0414
 
 
 @dataclass(frozen=True, slots=True)

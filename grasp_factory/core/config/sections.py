@@ -7,8 +7,8 @@ import itertools
 from dataclasses import dataclass
 from enum import Enum
 
-from grasp_factory.core.geometry import Vector3
 from grasp_factory.core.serialization import check, check_range
+from grasp_factory.core.vectors import Vector3
 
 MAX_TRANSFER_S = 2.5
 """Grasps that need a longer way from home count as unreachable: it bounds every attempt."""

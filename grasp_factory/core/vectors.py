@@ -1,0 +1,7 @@
+"""Tuples of numbers in records; without NumPy, so that a config loads fast."""
+
+from __future__ import annotations
+
+Vector3 = tuple[float, float, float]
+QuatXyzw = tuple[float, float, float, float]
+"""A quaternion, scalar last."""
