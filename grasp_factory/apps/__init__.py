@@ -1,1 +1,1 @@
-"""Tools that stand on the rest, one folder each."""
+"""Show and use datasets: browse page, live view, card, pictures, physics check, learning."""

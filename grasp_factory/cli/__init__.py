@@ -1,1 +1,1 @@
-"""The command line: click parses, one function is called, the result is printed."""
+"""The command line: parse the options with click, call one function, print the result."""

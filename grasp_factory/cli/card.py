@@ -54,7 +54,7 @@ def card(path: Path, *, out: Path | None, force: bool, as_json: bool, **said: st
 
     Writes a folder for the store at PATH with a README.md for the Hugging Face Hub, croissant.json,
     the columns of the episodes as episodes.csv, the config and figures. Does not change the store.
-    docs/card.md explains how to publish both.
+    docs/guides/card.md explains how to publish both.
     """
     from grasp_factory.apps.card import Publication, write_card
 

@@ -30,7 +30,7 @@ learning_options = options(
     _training(
         "--noise",
         metavar="NAME",
-        help="Sensor noise that is added to the inputs, see docs/noise.md.  [default: none]",
+        help="Sensor noise that is added to the inputs, see docs/guides/noise.md.  [default: none]",
     ),
     _training(
         "--seed",

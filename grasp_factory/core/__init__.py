@@ -1,1 +1,1 @@
-"""Shared records and vocabulary: geometry, cameras, the config, the schema of the store."""
+"""Define the shared records and words: geometry, cameras, config, schema of the store."""

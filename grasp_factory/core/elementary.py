@@ -3,8 +3,8 @@
 The C library's sine and NumPy's own have variants for FMA, AVX2 and AVX-512 whose last bits differ.
 IEEE 754 fixes the result of ``+ - * /``, of the square root and of rounding to an integer, so the
 functions here use nothing else: range reduction, then a Taylor series. Sine, cosine, exp and log
-are within 2 ulp of the true value, angles within 5 (``tests/test_elementary.py``). Whatever leads
-from a seed to stored bytes uses them.
+are within 2 ulp of the true value, angles within 5 (``tests/core/test_elementary.py``). All code
+between a seed and stored bytes uses them.
 """
 
 from __future__ import annotations

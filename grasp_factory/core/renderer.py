@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Renderer(Enum):
-    """What draws the images; ``docs/rendering.md`` says what each promises."""
+    """What draws the images; ``docs/reference/rendering.md`` says what each promises."""
 
     TINY = "tiny"
     """PyBullet's own, on the CPU: no driver has a part in it."""

@@ -1,7 +1,7 @@
 """The table of the store: every array with its dimensions, type, unit, frame and meaning.
 
-Writers, the reader, the checks and the README's table follow it. The arrays of sensors are declared
-in ``sensors.py``.
+Writers, the reader, the checks and the table of docs/reference/format.md all follow it.
+The arrays of sensors are declared in ``sensors.py``.
 """
 
 from __future__ import annotations
@@ -236,7 +236,7 @@ def shape(row: Field, size: Mapping[str, int]) -> tuple[int, ...]:
 
 
 def markdown_table() -> str:
-    """Return the store's table as Markdown, for the README."""
+    """Return the table of the store's arrays as Markdown."""
     lines = ["| array | shape | dtype | unit | what |", "|---|---|---|---|---|"]
     for row in FIELDS:
         dims = ", ".join(str(dim) for dim in ("N", *row.dims))

@@ -1,1 +1,1 @@
-"""Checking and changing stores: verify, repair, merge, split, relabel, replay."""
+"""Check and change stores: verify, repair, merge, split, relabel, replay."""

@@ -1,1 +1,1 @@
-"""Reading a store: rows, columns, sensors, annotations and the index."""
+"""Read a store: rows, columns, sensors, annotations and the index."""

@@ -1,1 +1,1 @@
-"""Making stores: which blocks are missing, who makes them, what came of it."""
+"""Make stores: find the missing blocks, run them on worker processes, report the result."""

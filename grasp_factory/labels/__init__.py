@@ -1,1 +1,1 @@
-"""The label rule and the quality score, from recorded arrays alone."""
+"""Compute the label and the quality score from recorded arrays."""

@@ -1,4 +1,7 @@
-"""Object sets: what can be dropped. A new set is one file and one row in the table below."""
+"""Define the objects that can be dropped, and import meshes.
+
+A new object set is one file and one row in ``OBJECT_SETS``.
+"""
 
 from __future__ import annotations
 

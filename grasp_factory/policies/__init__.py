@@ -1,4 +1,7 @@
-"""Policies: what to aim at, from images alone. A new one is one file and one row in direct.py."""
+"""Choose a grasp from images, without access to the simulator.
+
+A new policy is one file and one row in ``direct.py``.
+"""
 
 from __future__ import annotations
 

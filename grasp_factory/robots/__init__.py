@@ -1,4 +1,7 @@
-"""Robots: one file of data each. A new one is one file and one row in the table below."""
+"""Describe robots as pure data, with kinematics and trajectories; no PyBullet.
+
+A new robot is one file and one row in ``ROBOTS``.
+"""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""From (config, seed, index) to the complete recipe of an episode."""
+"""Draw the complete recipe of an episode from (config, seed, index)."""

@@ -1,4 +1,4 @@
-"""What a reader makes of the stored signals: taxel images, loads, noisy IMUs, one timeline.
+"""Compute sensor signals from recorded arrays: taxel images, loads, noise, one timeline.
 
 Pure functions on the arrays of an ``Episode``: no simulator and no store.
 """

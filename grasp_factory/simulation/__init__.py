@@ -1,1 +1,1 @@
-"""One episode in PyBullet: the world, the sensors, the scene, the executed grasp."""
+"""Run one episode in PyBullet: the world, the sensors, the scene, the executed grasp."""

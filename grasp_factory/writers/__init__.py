@@ -1,4 +1,7 @@
-"""Writers: where episodes go. To add one, write its file and its row here."""
+"""Write episodes: the Zarr store, memory, and exporters to other formats.
+
+A new writer is one file and one row in ``WRITERS``.
+"""
 
 from __future__ import annotations
 

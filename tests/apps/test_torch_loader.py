@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import itertools
 import pickle
-import re
 import shutil
 import subprocess
 import sys
@@ -20,7 +19,6 @@ import torch
 import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.places import REPOSITORY
 from torch.utils.data import DataLoader
 
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
@@ -35,7 +33,6 @@ from grasp_factory.writers.zarr import chunks
 
 N = 22
 SMALL = CropShape(size=12)
-PAGE = REPOSITORY / "docs" / "torch.md"
 BOTH = KINDS["both"]
 starts = pytest.mark.parametrize("start", ["fork", "spawn"])
 
@@ -355,21 +352,6 @@ def test_numpy_users_do_not_load_torch() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
-
-
-@pytest.mark.slow
-def test_the_pages_recipe_runs_as_printed(path: Path, tmp_path: Path) -> None:
-    shutil.copytree(path, tmp_path / "grasps.zarr")
-    (recipe,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    (tmp_path / "recipe.py").write_text(recipe)
-    command = [sys.executable, "-W", "error", "recipe.py"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    lines = [line.split() for line in done.stdout.splitlines()]
-    assert [line[0] for line in lines] == ["0", "1"]
-    for _, loss, right in lines:
-        assert 0.0 < float(loss) < 10.0
-        assert 0.0 <= float(right) <= 1.0
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda d: pickle.loads(pickle.dumps(d))])

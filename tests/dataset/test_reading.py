@@ -18,7 +18,7 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.fake_episodes import JOINTS, make_episode, make_rows, small_config
-from support.places import REPOSITORY, TINY
+from support.places import TINY
 
 from grasp_factory import Range
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -33,8 +33,6 @@ from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr import chunks
 from grasp_factory.writers.zarr.store import prepare_store
 
-PAGE = REPOSITORY / "docs" / "reading.md"
-EXAMPLE = re.compile(r"```python\n(.*?)```", re.DOTALL)
 CONFIG = small_config(resolution=[16, 16])
 N = 22
 QUARANTINED, MISSING = (5, 6), (12, 13, 14, 15)
@@ -411,14 +409,3 @@ class TestBalancedRows:
     def test_name_a_row_that_holds_no_episode(self, dataset: Dataset) -> None:
         with pytest.raises(StoreError, match="episode 6 is quarantined: no luck with 6"):
             dataset.balanced([0, 1, 6, 7])
-
-
-def test_the_pages_examples_run_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copytree(TINY, tmp_path / "grasps.zarr")
-    monkeypatch.chdir(tmp_path)
-    scope: dict[str, Any] = {}
-    blocks = EXAMPLE.findall(PAGE.read_text(encoding="utf-8"))
-    assert len(blocks) > 4
-    for block in blocks:
-        exec(block, scope)
-    assert isinstance(scope["ds"], Dataset)

@@ -1,14 +1,11 @@
 from __future__ import annotations
 
 import itertools
-import re
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.places import REPOSITORY
 
 from grasp_factory.core.geometry import Pose, quat_xyzw_to_matrix, rotation_about, rotation_vector
 from grasp_factory.errors import UsageError
@@ -248,18 +245,3 @@ def _pose(R: np.ndarray) -> np.ndarray:
     T = np.eye(4)
     T[:3, :3] = R
     return T
-
-
-def test_the_example_in_the_docs_runs() -> None:
-    code = re.findall(
-        r"```python\n(.*?)```", (REPOSITORY / "docs" / "signals.md").read_text(), re.DOTALL
-    )
-    assert len(code) == 1
-    scope: dict[str, Any] = {}
-    exec(code[0].replace("grasps.zarr", str(REPOSITORY / "data_samples" / "tiny.zarr")), scope)
-    records, samples = len(scope["s"]["timestamp"]), len(scope["imu"]["timestamp"])
-    assert scope["image"].shape == (records, 2, 24, 10)
-    assert scope["load"].shape == (records, 6)
-    assert scope["noisy"].specific_force.shape == (samples, 3)
-    assert scope["pose"].shape == (samples, 7)
-    assert scope["known"].mean() > 0.9

@@ -20,7 +20,7 @@ from support.tiny_models import tiny_model
 from grasp_factory.core.cache import VARIABLE
 
 ASKED = ("default:4", "strong:2", "panda:2", "video:1", "wrist:1", "mixture:4")
-"""A small form of what docs/physics.md has figures of."""
+"""A small form of what docs/reference/physics.md has figures of."""
 OPENCV_FEATURES = "SSE4.1,SSE4.2,AVX,FP16,AVX2,AVX512-SKX"
 """All that OpenCV's wheels have code for beside the baseline; it only warns of other names."""
 

@@ -1,6 +1,7 @@
 """Episodes of several configs and their checksums, to be run under one processor's settings.
 
-``python tests/processor_runs.py default:24 wrist:6`` prints JSON: name to outcomes and checksums.
+``PYTHONPATH=tests python -m support.processor_runs default:24 wrist:6`` prints JSON: name to
+outcomes and checksums.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ class RunWatch:
         self._thread.join()
 
     def snapshot(self) -> dict[str, Any]:
-        """Return how the run stands, as JSON has it; docs/live.md says what is in it."""
+        """Return how the run stands, as JSON has it; docs/guides/live.md says what is in it."""
         return self._snapshot
 
     def _run(self) -> None:

@@ -33,7 +33,7 @@ class PhysicsConfig:
     free_hz: int = 240
     """Step rate while nothing is held: fall, transfer and approach."""
     contact_hz: int = 720
-    """Step rate from the first touch on: docs/physics.md has what coarser and finer ones do."""
+    """Step rate from the first touch on. docs/reference/physics.md compares other rates."""
     solver_iterations: int = 100
     """Passes over a step's constraints while nothing is held, at the most."""
     contact_iterations: int = 35
@@ -79,4 +79,4 @@ PHYSICS_PRESETS: Mapping[str, Mapping[str, int]] = {
     # With fewer iterations, at this rate, the fingers do not reach the force they are told.
     "fast": {"contact_hz": 240, "contact_iterations": 50, "motor_iterations": 1},
 }
-"""By name: what differs from the default (docs/physics.md has what it costs)."""
+"""By name: what differs from the default (docs/reference/physics.md has what it costs)."""

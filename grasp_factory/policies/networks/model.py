@@ -28,8 +28,8 @@ EXACT_CHUNK = 4
 STEP = 0.01
 """Of log odds: grasps that are closer count as equally good."""
 UNSURE = 2e-5
-"""Single precision's error, as a share of 1 + the size of a network's answer, is less than this: 25
-times the largest that was found, with the kernels of four kinds of processor (docs/physics.md)."""
+"""Bound of single precision's error, as a share of 1 + the size of a network's answer: 25 times
+the largest error found, with the kernels of four kinds of processor (docs/reference/physics.md)."""
 SYMMETRIES = ((False, False), (True, False), (False, True), (True, True))
 """Mirrorings, along x and y, over which the answer is averaged."""
 

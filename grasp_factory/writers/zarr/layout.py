@@ -11,9 +11,9 @@ from zarr.codecs import ZstdCodec
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 
-# Plain zstd for everything; docs/scale.md has other codecs beside it. Level 3 makes an episode 1 %
-# smaller and takes half as long again. Byte-shuffle would save 10 KiB of the streams' 57, of about
-# 330 KiB with the images, which is not worth a second codec.
+# Plain zstd for everything; docs/performance/scale.md compares other codecs. Level 3 makes an
+# episode 1 % smaller and takes half as long again. Byte-shuffle would save 10 KiB of the streams'
+# 57, of about 330 KiB with the images, which is not worth a second codec.
 ZSTD_LEVEL = 1
 
 # Chunk files are named 3.0.0 instead of c/3/0/0: no directory per shard, one fsync makes all

@@ -1,0 +1,84 @@
+"""The parts of the documentation that follow from the code.
+
+``PYTHONPATH=tests python -m architecture.generated`` writes them into the pages.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable, Mapping
+
+from architecture.test_rooms import OWNERS, PACKAGE, ROOMS, WALLS, arrows, reachable
+from support.places import DOCS
+
+from grasp_factory.core.schema import markdown_table
+
+PART = re.compile(r"(<!-- generated: ([\w ]+) -->\n).*?(\n<!-- end -->)", re.DOTALL)
+
+
+def purpose(name: str) -> str:
+    """Return the first line of a room's docstring."""
+    tree = ast.parse((PACKAGE / name / "__init__.py").read_text(encoding="utf-8"))
+    return (ast.get_docstring(tree) or "").partition("\n")[0]
+
+
+def direct_arrows() -> list[tuple[str, str]]:
+    """Return the imports between rooms, without those that follow from other imports."""
+    found = []
+    for start in ROOMS:
+        ends = [name for name in ROOMS if name in arrows()[start] - {start}]
+        found += [
+            (start, end)
+            for end in ends
+            if not any(end in reachable(other) for other in ends if other != end)
+        ]
+    return found
+
+
+def picture() -> str:
+    lines = [f"    {start} --> {end}" for start, end in direct_arrows()]
+    return "\n".join(["```mermaid", "flowchart TD", *lines, "```"])
+
+
+def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = [f"| {' | '.join(row)} |" for row in (head, *rows)]
+    return "\n".join([lines[0], "|---" * len(head) + "|", *lines[1:]])
+
+
+def rooms() -> str:
+    return table(("room", "purpose"), [(f"`{name}`", purpose(name)) for name in ROOMS])
+
+
+def walls() -> str:
+    rows = [(f"`{name}`", _list(sorted(WALLS[name]))) for name in WALLS]
+    return table(("room", "never imports, not even through another room"), rows)
+
+
+def owners() -> str:
+    rows = [(f"`{library}`", _list(sorted(OWNERS[library]))) for library in OWNERS]
+    return table(("library", "imported only in"), rows)
+
+
+def _list(names: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+PARTS: Mapping[str, Callable[[], str]] = {
+    "picture of the rooms": picture,
+    "rooms": rooms,
+    "walls": walls,
+    "owners of libraries": owners,
+    "arrays of the store": markdown_table,
+}
+PAGES = (DOCS / "architecture.md", DOCS / "reference" / "format.md")
+
+
+def filled(text: str) -> str:
+    """Return a page with its generated parts as the code has them now."""
+    return PART.sub(lambda m: f"{m[1]}{PARTS[m[2]]()}{m[3]}", text)
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
