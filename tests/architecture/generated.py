@@ -9,7 +9,7 @@ import ast
 import re
 from collections.abc import Callable, Mapping
 
-from architecture.test_rooms import OWNERS, PACKAGE, ROOMS, WALLS, arrows, reachable
+from architecture.test_rooms import OWNERS, PACKAGE, ROOMS, SIMULATES, WALLS, arrows, reachable
 from support.places import DOCS
 
 from grasp_factory.core.schema import markdown_table
@@ -50,6 +50,10 @@ def rooms() -> str:
     return table(("room", "purpose"), [(f"`{name}`", purpose(name)) for name in ROOMS])
 
 
+def simulating() -> str:
+    return _list([name for name in ROOMS if name in SIMULATES])
+
+
 def walls() -> str:
     rows = [(f"`{name}`", _list(sorted(WALLS[name]))) for name in WALLS]
     return table(("room", "never imports, not even through another room"), rows)
@@ -67,6 +71,7 @@ def _list(names: list[str]) -> str:
 PARTS: Mapping[str, Callable[[], str]] = {
     "picture of the rooms": picture,
     "rooms": rooms,
+    "rooms that simulate": simulating,
     "walls": walls,
     "owners of libraries": owners,
     "arrays of the store": markdown_table,

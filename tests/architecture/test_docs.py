@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ import click
 import pytest
 from architecture.generated import PAGES as GENERATED
 from architecture.generated import PART, PARTS, filled, purpose
-from architecture.test_rooms import PACKAGE, ROOMS, modules
+from architecture.test_rooms import PACKAGE, ROOMS, modules, type_names
 from support.places import DOCS, REPOSITORY
 
 from grasp_factory.cli.main import cli
@@ -33,6 +34,9 @@ PATH = re.compile(r"(?<![\w./-])(?:tests|grasp_factory|bin|docs|data_samples)/[\
 MODULE_RUN = re.compile(r"PYTHONPATH=tests python -m ([\w.]+)")
 WIDEST = 120
 """Characters in a line of prose; rows of tables and lines with addresses may be longer."""
+
+RELATIVE = (REPOSITORY / "CONTRIBUTING.md", DOCS / "architecture.md")
+"""Pages that also name files of the package by their place in it."""
 
 every_page = pytest.mark.parametrize(
     "page", PAGES, ids=lambda page: str(page.relative_to(REPOSITORY))
@@ -94,6 +98,9 @@ def test_every_file_of_the_documentation_can_be_reached_from_its_index() -> None
 
 @every_page
 def test_a_path_that_is_named_exists(page: Path) -> None:
+    named = [code for code in CODE.findall(prose(page)) if re.fullmatch(r"[\w./]+\.py", code)]
+    if page not in RELATIVE:
+        assert [code for code in named if not PATH.match(code)] == [], "begin at the top folder"
     for path in PATH.findall(text_of(page)):
         known = path.partition("<")[0].rstrip(".")
         assert (REPOSITORY / known).exists(), path
@@ -104,9 +111,8 @@ def test_a_path_that_is_named_exists(page: Path) -> None:
 
 def test_a_page_that_the_code_or_the_changelog_names_exists() -> None:
     for file in (*modules(), REPOSITORY / "CHANGELOG.md"):
-        for path in re.findall(r"(?:docs/)?(?:[\w-]+/)*[\w-]+\.md", text_of(file)):
-            if "docs/" in path:
-                assert (REPOSITORY / path).is_file(), f"{file.name} names {path}"
+        for path in re.findall(r"[\w/-]+\.md\b", text_of(file)):
+            assert (REPOSITORY / path).is_file(), f"{file.name} names {path}"
 
 
 def test_the_table_of_contributing_names_files_of_the_package() -> None:
@@ -129,13 +135,21 @@ def test_a_dotted_name_can_be_imported(page: Path) -> None:
 
 def resolved(name: str) -> object:
     """Return the module, or what a module holds, under a dotted name."""
-    parts = name.split(".")
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        if error.name != name or len(parts) == 1:
+        if not f"{name}.".startswith(f"{error.name}."):
             raise
-        return getattr(resolved(".".join(parts[:-1])), parts[-1])
+        home, _, last = name.rpartition(".")
+        return getattr(resolved(home), last)
+
+
+def test_the_records_on_the_way_of_the_data_are_types_of_the_package() -> None:
+    _, _, way = text_of(DOCS / "architecture.md").partition("## The way of the data")
+    records = set(re.findall(r"`([A-Z][a-zA-Z]+)`", way.partition("\n## ")[0]))
+    defined = {name for file in modules() for name in type_names(ast.parse(text_of(file)))}
+    assert len(records) > 5
+    assert records <= defined
 
 
 @every_page

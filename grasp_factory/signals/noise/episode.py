@@ -152,7 +152,7 @@ class EpisodeNoise:
         if self.noise.imu is None:
             return clean
         signals = clean["specific_force"], clean["angular_velocity"]
-        # The seed of signals.md's example: what a reader applies by hand is the same.
+        # The seed of the example in docs/reference/signals.md: a reader may add the same noise.
         read = apply_imu_noise(self.noise.imu, *signals, rate_hz, [self.seed, index])
         return dict(clean) | {k: v.astype(clean[k].dtype) for k, v in read._asdict().items()}
 
