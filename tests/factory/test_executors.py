@@ -1,4 +1,4 @@
-"""Executors: the same results everywhere, and no death, error or interrupt that leaves a trace."""
+"""The pool of processes: no death, error or interrupt leaves a trace."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from support import fake_blocks as blocks
 from support.places import TESTS
 
 from grasp_factory.errors import RecipeError, WorkerError
-from grasp_factory.factory.executors import Executor, InlineExecutor, ProcessExecutor, make_executor
+from grasp_factory.factory.executors import InlineExecutor, ProcessExecutor, make_executor
 
 ROOT = TESTS.parent
 pytestmark = pytest.mark.timeout(60)
@@ -42,26 +42,6 @@ def wait_until_gone(pids: list[int]) -> bool:
             return True
         time.sleep(0.05)
     return False
-
-
-@pytest.mark.parametrize("executor", [InlineExecutor(), ProcessExecutor(2)], ids=["inline", "pool"])
-class TestEveryExecutor:
-    def test_results_come_in_the_order_of_the_blocks(self, executor: Executor) -> None:
-        assert executor.run(blocks.square, [5, 1, 4], ignore) == [25, 1, 16]
-
-    def test_every_message_arrives_once_and_in_its_blocks_order(self, executor: Executor) -> None:
-        seen: list[tuple[int, int]] = []
-        executor.run(blocks.square, [0, 1, 2], seen.append)
-        assert sorted(seen) == [(block, step) for block in range(3) for step in range(3)]
-        for block in range(3):
-            assert [step for b, step in seen if b == block] == [0, 1, 2]
-
-    def test_no_blocks_is_no_work(self, executor: Executor) -> None:
-        assert executor.run(blocks.square, [], ignore) == []
-
-    def test_an_error_of_the_task_is_raised_as_it_is(self, executor: Executor) -> None:
-        with pytest.raises(RecipeError, match=r"^block 3 is impossible"):
-            executor.run(blocks.user_error, [3], ignore)
 
 
 def test_one_worker_needs_no_pool() -> None:

@@ -1,14 +1,10 @@
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from support.tiny_models import tiny_model
 from support.views import (
     BRICK,
     FRONT,
@@ -17,16 +13,18 @@ from support.views import (
     RESOLUTION,
     Boxes,
     brick,
+    lowest_corner,
     make_view,
     photograph,
     plain,
+    plan,
+    tilt_deg,
 )
 
-from grasp_factory.core.cache import VARIABLE, digest
 from grasp_factory.core.camera import project
 from grasp_factory.core.config.sections import CameraConfig
 from grasp_factory.core.enums import Label
-from grasp_factory.core.episode import Grasp, SceneView
+from grasp_factory.core.episode import Grasp
 from grasp_factory.core.geometry import (
     Array,
     apply,
@@ -38,7 +36,7 @@ from grasp_factory.core.geometry import (
 from grasp_factory.core.gripper import Gripper
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import ConfigError
-from grasp_factory.policies import POLICIES, model_registry
+from grasp_factory.policies import POLICIES
 from grasp_factory.policies.base import TIP_CLEARANCE, looking_down, target_points
 from grasp_factory.policies.closing import POINT_SIZE, Grip, close_on
 from grasp_factory.policies.solid import SolidColumns
@@ -49,14 +47,6 @@ from grasp_factory.policies.uniform import UniformParameters
 SIDE = CameraConfig(eye=(0.5, 0.7, 0.5), target=(0.5, 0.0, 0.05))
 PLACES = [(0.52, -0.08, 0.0), (0.55, 0.06, 0.4), (0.48, 0.0, 1.1), (0.6, 0.1, -1.3), (0.5, 0, 1.57)]
 """x, y and yaw of a brick on the table."""
-TILT_DEG = {
-    **{"uniform": 0.0, "top_down": 0.0, "antipodal": 30.0, "perturbed": 50.0, "mixture": 30.0},
-    "learned": 0.0,
-}
-"""How far from straight down a policy approaches by default; for ``perturbed`` 4.9 sigma."""
-NEEDED = {"learned": {"model": digest(tiny_model(0))}}
-"""Settings that have no default."""
-
 LEANING: Boxes = [
     (
         transform(
@@ -76,11 +66,6 @@ def disc(x: float, y: float, radius: float, height: float) -> Boxes:
     return [brick(x, y, i * math.pi / 16, size)[0] for i in range(16)]
 
 
-def plan(policy: str, view: SceneView, seed: int = 0, **settings: Any) -> tuple[Grasp, ...]:
-    asked, settings = POLICIES[policy], NEEDED.get(policy, {}) | settings
-    return asked.plan(view, np.random.default_rng(seed), asked.settings(settings)).grasps
-
-
 def hand(gripper: Gripper, width: float) -> list[tuple[Array, Array]]:
     """Return the open fingers and a palm as wide as they are: corners (3,), TCP frame."""
     x, inner, outer = gripper.pad_size[0] / 2, width / 2, width / 2 + gripper.finger_thickness
@@ -90,15 +75,6 @@ def hand(gripper: Gripper, width: float) -> list[tuple[Array, Array]]:
         (np.array([-x, -outer, palm]), np.array([x, -inner, tip])),
         (np.array([-x, -outer, palm - 0.05]), np.array([x, outer, palm])),
     ]
-
-
-def lowest_corner(grasp: Grasp, gripper: Gripper) -> float:
-    corners = [
-        (sx * gripper.pad_size[0] / 2, sy * (grasp.width / 2 + gripper.finger_thickness))
-        for sx in (-1, 1) for sy in (-1, 1)
-    ]  # fmt: skip
-    tips = np.array([(*corner, gripper.tip_distance) for corner in corners])
-    return float(apply(grasp.T_world_tcp, tips)[:, 2].min())
 
 
 def filled(boxes: Boxes) -> Array:
@@ -117,16 +93,6 @@ def overlaps(grasp: Grasp, gripper: Gripper, boxes: Boxes) -> bool:
         bool(((points > low) & (points < high)).all(axis=1).any())
         for low, high in hand(gripper, grasp.width)
     )
-
-
-def tilt_deg(grasp: Grasp) -> float:
-    return math.degrees(math.acos(min(1.0, -grasp.T_world_tcp[2, 2])))
-
-
-def arrays(view: SceneView) -> list[NDArray[Any]]:
-    images = [getattr(image, f.name) for image in view.images.values()
-              for f in dataclasses.fields(image)]  # fmt: skip
-    return [*images, view.joint_positions, view.T_world_tcp]
 
 
 class TestThePhotographs:
@@ -167,82 +133,6 @@ class TestTargetPoints:
         np.testing.assert_allclose(T_world_tcp[:3, 2], [0.0, 0.0, -1.0], atol=1e-15)
         np.testing.assert_allclose(T_world_tcp[:3, 3], [0.1, 0.2, 0.3])
         assert np.linalg.det(T_world_tcp) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("gripper", GRIPPERS.values(), ids=GRIPPERS)
-@pytest.mark.parametrize("policy", POLICIES)
-class TestPolicy:
-    """Every policy of the table keeps these promises, for the gripper of every robot."""
-
-    @pytest.fixture(autouse=True, scope="class")
-    @staticmethod
-    def has_a_model(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setenv(VARIABLE, str(tmp_path_factory.mktemp("cache")))
-            model_registry.keep(tiny_model(0))
-            yield
-
-    @pytest.fixture
-    def view(self, gripper: Gripper) -> SceneView:
-        return make_view(brick(0.55, 0.06, 0.4), gripper)
-
-    def test_the_same_view_and_seed_give_the_same_plan(self, policy: str, view: SceneView) -> None:
-        assert plain(plan(policy, view, 3)) == plain(plan(policy, view, 3))
-
-    def test_the_view_is_left_alone(self, policy: str, view: SceneView) -> None:
-        before = [array.copy() for array in arrays(view)]
-        for array in arrays(view):
-            array.flags.writeable = False
-        plan(policy, view)
-        for array, was in zip(arrays(view), before, strict=True):
-            np.testing.assert_array_equal(array, was)
-
-    def test_an_unseen_target_gives_an_empty_plan(self, policy: str, gripper: Gripper) -> None:
-        assert plan(policy, make_view([], gripper)) == ()
-
-    def test_a_single_pixel_of_the_target_is_enough_for_a_plan(
-        self, policy: str, view: SceneView
-    ) -> None:
-        image = view.images["front"]
-        v, u = np.argwhere(image.segmentation == Label.TARGET)[0]
-        image.segmentation[image.segmentation == Label.TARGET] = Label.TABLE
-        image.segmentation[v, u] = Label.TARGET
-        assert plan(policy, view)
-
-    def test_other_objects_are_not_grasped(self, policy: str, gripper: Gripper) -> None:
-        other = [(T, size, Label.TARGET + 1) for T, size, _ in brick(0.5, 0.1, 0.0)]
-        assert plan(policy, make_view(other, gripper)) == ()
-
-    @pytest.mark.parametrize("height", [0.012, 0.05, 0.15])
-    def test_grasps_are_rigid_within_their_tilt_and_off_the_table(
-        self, policy: str, gripper: Gripper, height: float
-    ) -> None:
-        view = make_view(brick(0.5, 0.0, 1.1, (0.08, 0.03, height)), gripper)
-        for seed in range(20):
-            grasps = plan(policy, view, seed)
-            assert grasps
-            for grasp in grasps:
-                T = grasp.T_world_tcp
-                np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-12)
-                assert np.linalg.det(T[:3, :3]) == pytest.approx(1.0)
-                np.testing.assert_array_equal(T[3], [0.0, 0.0, 0.0, 1.0])
-                if TILT_DEG[policy] == 0.0:
-                    np.testing.assert_allclose(T[:3, 2], [0.0, 0.0, -1.0], atol=1e-12)
-                assert tilt_deg(grasp) <= TILT_DEG[policy] + 1e-4
-                assert lowest_corner(grasp, gripper) >= TIP_CLEARANCE - 1e-12
-                assert 0.0 < grasp.width <= gripper.max_width
-                assert math.isfinite(grasp.score)
-
-    def test_the_best_grasp_comes_first(self, policy: str, view: SceneView) -> None:
-        scores = [grasp.score for grasp in plan(policy, view)]
-        assert scores == sorted(scores, reverse=True)
-
-    def test_grasps_go_with_the_target(self, policy: str, gripper: Gripper) -> None:
-        aims = []
-        for y in (-0.1, 0.1):
-            (first, *_) = plan(policy, make_view(brick(0.55, y, 0.4), gripper), 5)
-            aims.append(first.T_world_tcp[:3, 3])
-        np.testing.assert_allclose(aims[1] - aims[0], [0.0, 0.2, 0.0], atol=0.006)
 
 
 @pytest.mark.parametrize("gripper", GRIPPERS.values(), ids=GRIPPERS)
@@ -665,10 +555,3 @@ class TestMixture:
         with pytest.raises(ConfigError) as caught:
             POLICIES["mixture"].settings(plain_settings)
         assert str(caught.value).startswith(f"policy_parameters.mixture.{text}")
-
-
-class TestTable:
-    def test_policies_are_listed_by_their_name_and_described(self) -> None:
-        for name, policy in POLICIES.items():
-            assert policy.name == name
-            assert policy.description

@@ -14,8 +14,9 @@ from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.sections import CameraConfig, WorkspaceConfig
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import CameraImage, Grasp, SceneView
-from grasp_factory.core.geometry import Array, inverse, look_at, rotation_about, transform
+from grasp_factory.core.geometry import Array, apply, inverse, look_at, rotation_about, transform
 from grasp_factory.core.gripper import Gripper
+from grasp_factory.policies import POLICIES
 from grasp_factory.robots import ROBOTS
 
 FRONT = CAMERAS["front"].config
@@ -85,3 +86,24 @@ def make_view(
 
 def plain(grasps: tuple[Grasp, ...]) -> list[tuple[Any, ...]]:
     return [(grasp.T_world_tcp.tolist(), grasp.width, grasp.score) for grasp in grasps]
+
+
+def plan(policy: str, view: SceneView, seed: int = 0, **settings: Any) -> tuple[Grasp, ...]:
+    """Return what a policy of the table proposes."""
+    asked = POLICIES[policy]
+    return asked.plan(view, np.random.default_rng(seed), asked.settings(settings)).grasps
+
+
+def lowest_corner(grasp: Grasp, gripper: Gripper) -> float:
+    """Return the height of the open fingers' lowest corner, metres."""
+    corners = [
+        (sx * gripper.pad_size[0] / 2, sy * (grasp.width / 2 + gripper.finger_thickness))
+        for sx in (-1, 1) for sy in (-1, 1)
+    ]  # fmt: skip
+    tips = np.array([(*corner, gripper.tip_distance) for corner in corners])
+    return float(apply(grasp.T_world_tcp, tips)[:, 2].min())
+
+
+def tilt_deg(grasp: Grasp) -> float:
+    """Return how far from straight down a grasp approaches."""
+    return math.degrees(math.acos(min(1.0, -grasp.T_world_tcp[2, 2])))

@@ -1,15 +1,31 @@
-"""What every robot of the table must do; a new robot passes by being in it."""
+"""The contract of a robot, which every row of ``ROBOTS`` keeps.
+
+- The home posture lies within the joint limits, looks straight down from behind the workspace,
+  and the arm holds it under gravity.
+- Kinematics agree with the simulated body, and every place of the workspace is reached from above.
+- The pads are parallel to the tool frame, close along its y axis and meet at its origin.
+- The fingers close to width 0, and squeeze with the force that is asked for.
+- Fingertips, palm, mass and centre of mass of the tool are where the record says.
+- The fingers travel no farther, and are no slower, than the bound of every attempt's length allows.
+- The facts that a store keeps are plain values that JSON can hold.
+"""
 
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pytest
 
 from grasp_factory.core.config.physics import PhysicsConfig, Stepping
+from grasp_factory.core.config.sections import (
+    MAX_CLOSING_STROKE,
+    SLOWEST_FINGERS,
+    WorkspaceConfig,
+)
 from grasp_factory.core.geometry import Pose, inverse
 from grasp_factory.robots import ROBOTS, arm_chain
 from grasp_factory.robots.ik import solve_ik
-from grasp_factory.simulation.make_link_hulls import HULLS, LINKS, MESHES, hull_text
 from grasp_factory.simulation.robot import Robot
 from grasp_factory.simulation.world import World
 
@@ -38,10 +54,6 @@ class TestRobot:
         world.set_stepping(Stepping(hz, 100, 1, 1e-7))
         for _ in range(round(seconds * hz)):
             world.step()
-
-    def test_the_record_knows_its_name(self, name):
-        assert ROBOTS[name].name == name
-        assert ROBOTS[name].description
 
     def test_home_lies_within_the_joint_limits(self, name):
         chain = arm_chain(ROBOTS[name])
@@ -141,8 +153,6 @@ class TestRobot:
                 pybullet.removeBody(probe, physicsClientId=world._client)
 
     def test_every_place_of_the_workspace_can_be_reached_from_above(self, name):
-        from grasp_factory.core.config.sections import WorkspaceConfig
-
         model, box = ROBOTS[name], WorkspaceConfig()
         chain = arm_chain(model)
         low = model.gripper.tip_distance + 0.005
@@ -154,25 +164,12 @@ class TestRobot:
                     found = solve_ik(chain, T, np.array(model.home))
                     assert found.success, (x, y, z)
 
-    def test_facts_are_plain_values_that_json_can_hold(self, name):
-        import json
+    def test_the_fingers_stay_within_the_bound_of_every_attempts_length(self, name):
+        gripper = ROBOTS[name].gripper
+        assert gripper.max_width / 2 <= MAX_CLOSING_STROKE
+        assert gripper.max_finger_speed >= SLOWEST_FINGERS
 
+    def test_facts_are_plain_values_that_json_can_hold(self, name):
         facts = ROBOTS[name].facts()
         assert json.loads(json.dumps(facts)) == facts
         assert facts["joint_names"] == list(ROBOTS[name].arm_joints)
-
-
-@pytest.mark.parametrize("link", LINKS)
-class TestLinkHulls:
-    def test_the_file_is_what_the_script_makes(self, link: str) -> None:
-        pytest.importorskip("trimesh")
-        assert (HULLS / f"{link}.obj").read_text(encoding="utf-8") == hull_text(link)
-
-    def test_it_is_the_meshs_hull_within_a_millimetre(self, link: str) -> None:
-        trimesh = pytest.importorskip("trimesh")
-        mesh = trimesh.load(MESHES / f"{link}.stl").vertices
-        hull = trimesh.load(HULLS / f"{link}.obj").vertices
-        ways = np.random.default_rng(0).normal(size=(2000, 3))
-        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        short = (mesh @ ways.T).max(axis=0) - (hull @ ways.T).max(axis=0)
-        assert -1e-4 < short.min() and short.max() < 0.0011
