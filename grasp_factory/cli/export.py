@@ -12,6 +12,7 @@ import click
 from grasp_factory.cli.params import AS_JSON, Command, option, print_json
 from grasp_factory.cli.row_choice import chosen_rows, row_options
 from grasp_factory.core.config.yaml_loader import parse_yaml
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.text_format import count, size_text, table
 from grasp_factory.errors import UsageError, lookup, shown
 
@@ -70,11 +71,11 @@ def export(
     dataset = Dataset.open(path, checked=True)
     chosen = chosen_rows(dataset, **rows)
     every = dataset.committed.tolist() if chosen is None else chosen
+    settings = _settings(assignments)
     with Counter(len(every), "episode") as counter:
-        settings = _settings(assignments)
         found = run_export(exporter, dataset, every, out, settings, on_episode=counter.count)
     if as_json:
-        print_json(found)
+        print_json(to_plain(found) | {"path": str(found.path)})
     else:
         click.echo(_exported_text(found))
 

@@ -34,5 +34,7 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
         maker = _MAKER.fullmatch(left.name.removeprefix(head))
         if maker and not Path("/proc", maker[1]).exists():
             shutil.rmtree(left, ignore_errors=True)
-    with tempfile.TemporaryDirectory(dir=parent, prefix=f"{head}{os.getpid()}-") as folder:
+    with tempfile.TemporaryDirectory(
+        dir=parent, prefix=f"{head}{os.getpid()}-", ignore_cleanup_errors=True
+    ) as folder:
         yield Path(folder)

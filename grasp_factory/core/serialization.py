@@ -44,7 +44,7 @@ def from_plain(cls: type[R], data: Any, where: str = "") -> R:
         if key not in hints:
             raise ConfigError(
                 f"unknown key {shown(_join(where, str(key)))}{nearest(str(key), hints)}"
-                f" (valid: {', '.join(hints)})"
+                f" (valid: {', '.join(hints) or 'none'})"
             )
     values = {key: _convert(hints[key], item, _join(where, key)) for key, item in data.items()}
     fields = dataclasses.fields(cast(Any, cls))

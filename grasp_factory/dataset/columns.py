@@ -33,6 +33,11 @@ class EpisodeTable:
         return self._columns.length
 
     @property
+    def fields(self) -> Mapping[str, Field]:
+        """The store's arrays by path: dimensions, type, unit, frame, words of coded values."""
+        return self._fields
+
+    @property
     def columns(self) -> list[str]:
         """Names for ``column`` and ``where``."""
         return list(self._columns.names)

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import ast
-import re
 import statistics
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import grasp_factory
-from grasp_factory.core.config.cameras import CAMERAS
-from grasp_factory.core.enums import Outcome, names
-from grasp_factory.core.sensors import SENSORS
-from grasp_factory.objects import OBJECT_SETS
-from grasp_factory.policies import POLICIES
-from grasp_factory.robots import ROBOTS
 
 PACKAGE = Path(grasp_factory.__file__).parent
-README = PACKAGE.parent / "README.md"
 
 ROOMS = (
     "cli apps curation factory simulation sampling dataset policies writers signals labels objects"
@@ -248,29 +239,3 @@ def test_public_names_are_sorted_and_all_of_them() -> None:
 def test_a_name_that_is_not_public_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="module 'grasp_factory' has no attribute 'Datset'"):
         _ = grasp_factory.Datset
-
-
-TABLES: dict[str, Any] = {
-    "cameras": CAMERAS,
-    "objects": OBJECT_SETS,
-    "policies": POLICIES,
-    "robots": ROBOTS,
-    "sensors": SENSORS,
-}
-
-
-@pytest.mark.parametrize("kind", TABLES)
-def test_a_tables_rows_bear_their_names_and_a_line_of_description(kind: str) -> None:
-    assert TABLES[kind]
-    for name, row in TABLES[kind].items():
-        assert row.name == name
-        assert name.isidentifier()
-        assert 10 < len(row.description) <= 100
-        assert "\n" not in row.description
-
-
-@pytest.mark.parametrize("kind", [*TABLES, "outcomes"])
-def test_a_tables_names_are_in_the_readme(kind: str) -> None:
-    text = README.read_text(encoding="utf-8")
-    words = names(Outcome) if kind == "outcomes" else TABLES[kind]
-    assert [word for word in words if not re.search(rf"\b{word}\b", text)] == []

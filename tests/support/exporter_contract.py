@@ -1,0 +1,270 @@
+"""The contract of an exporter as tests: a class that needs nothing but an exporter to run on.
+
+Use it as a base class with a fixture ``exporter``; see ``tests/conformance/test_exporters.py``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import itertools
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.fake_episodes import JOINTS, make_rows, small_config
+from support.faulty_disk import FaultyDisk
+from support.helpers import tree
+
+from grasp_factory.core.episode import Episode
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.errors import ConfigError, StoreError, UsageError
+from grasp_factory.writers.exporters import Exporter, ExportJob
+from grasp_factory.writers.exporters.run import Exported, run_export
+from grasp_factory.writers.zarr.store import prepare_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
+
+CONFIG = small_config(video_hz=5)
+N = 6
+QUARANTINED = 4
+ROWS = (3, 0, 5)
+"""Not in order, and not all."""
+
+
+def make_store(path: Path) -> Dataset:
+    """Write a store with two blocks, videos and a quarantined row, and open it as exports do."""
+    prepare_store(path, CONFIG, JOINTS, N, {})
+    for block in (0, 1):
+        ZarrWriter(path).write_block(block, make_rows(CONFIG, block, N, (QUARANTINED,)))
+    return Dataset.open(path, checked=True)
+
+
+class Witness:
+    """A dataset that notes which rows are read, in the order in which each is first read."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        self._dataset, self.rows = dataset, list[int]()
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._dataset, name)
+        return self._noting(found) if name in ("spec", "value", "image", "series") else found
+
+    def __getitem__(self, index: int) -> Episode:
+        return self._noting(self._dataset.__getitem__)(index)
+
+    def _noting(self, read: Callable[..., Any]) -> Callable[..., Any]:
+        def call(index: int, *args: Any) -> Any:
+            if index not in self.rows:
+                self.rows.append(index)
+            return read(index, *args)
+
+        return call
+
+
+def export_until_killed(exporter: Exporter, dataset: Dataset, out: Path) -> None:
+    run_export(exporter, dataset, ROWS, out, {}, on_episode=kill_this_process)
+
+
+def kill_this_process() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+OCCUPANTS: dict[str, Callable[[Path], object]] = {
+    "a file": lambda path: path.write_text("mine"),
+    "a folder": lambda path: path.mkdir(),
+    "a link to nothing": lambda path: path.symlink_to("nowhere"),
+}
+
+
+def occupant(path: Path) -> tuple[bool, bool, str]:
+    """Return what tells whether something at a path is still what it was."""
+    is_link = path.is_symlink()
+    return is_link, path.is_dir(), os.readlink(path) if is_link else str(tree(path))
+
+
+class ExporterContract:
+    """What every exporter does.
+
+    - It creates ``job.out`` and nothing else beside it.
+    - It writes every chosen row, in the given order, and calls ``on_episode`` once per episode.
+    - It says of every array of the store whether it is written, or why it is left out.
+    - The same rows give the same bytes; another order gives other bytes.
+    - It leaves the store as it is.
+    - It refuses an unknown setting with the valid ones.
+    - It leaves nothing behind when anything fails: the disk, the user's Ctrl-C, a damaged store.
+      Of a killed process only a hidden folder stays.
+    - It overwrites nothing, also nothing that appears at the place while it runs.
+    """
+
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+        return make_store(tmp_path_factory.mktemp("source") / "store.zarr")
+
+    @pytest.fixture
+    def folder(self, tmp_path: Path) -> Path:
+        (tmp_path / "exports").mkdir()
+        return tmp_path / "exports"
+
+    @pytest.fixture
+    def out(self, folder: Path, exporter: Exporter) -> Path:
+        return folder / f"out{exporter.suffix}"
+
+    @pytest.fixture
+    def export(self, exporter: Exporter, dataset: Dataset, out: Path) -> Callable[..., Exported]:
+        def export(rows: Any = ROWS, path: Path = out, **more: Any) -> Exported:
+            return run_export(exporter, dataset, rows, path, {}, **more)
+
+        return export
+
+    def test_it_creates_what_was_asked_for_and_nothing_beside_it(
+        self, exporter: Exporter, dataset: Dataset, out: Path
+    ) -> None:
+        settings = exporter.settings({})
+        exporter.write(ExportJob(source=dataset, rows=ROWS, out=out, settings=settings))
+        assert [path.name for path in out.parent.iterdir()] == [out.name]
+        assert out.is_file() is bool(exporter.suffix)
+        assert exporter.suffix == exporter.suffix.lower()
+
+    def test_it_reads_the_chosen_rows_in_their_order_and_counts_each(
+        self, exporter: Exporter, dataset: Dataset, out: Path
+    ) -> None:
+        witness, counted = Witness(dataset), list[int]()
+        run_export(
+            exporter, witness, ROWS, out, {}, on_episode=lambda: counted.append(len(witness.rows))
+        )
+        assert witness.rows == list(ROWS)
+        assert len(counted) == len(ROWS)
+        assert all(seen > i for i, seen in enumerate(counted))
+
+    def test_it_reports_what_it_made(
+        self, exporter: Exporter, export: Callable[..., Exported], out: Path
+    ) -> None:
+        found = export()
+        assert (found.path, found.format, found.episodes) == (out, exporter.name, len(ROWS))
+        assert found.bytes == sum(len(data) for data in contents(out).values()) > 0
+
+    def test_every_array_is_written_or_left_out_for_a_reason(
+        self, export: Callable[..., Exported], dataset: Dataset
+    ) -> None:
+        found = export().contents
+        assert found.written
+        assert found.not_mentioned(dataset) == []
+        assert all(found.left_out.values())
+
+    def test_the_same_rows_give_the_same_bytes_and_another_order_others(
+        self, export: Callable[..., Exported], out: Path
+    ) -> None:
+        first, again, other = (out.with_stem(name) for name in ("a", "b", "c"))
+        export(path=first)
+        export(path=again)
+        export(ROWS[::-1], path=other)
+        assert contents(first) == contents(again)
+        assert contents(first) != contents(other)
+
+    def test_the_store_stays_as_it_was(
+        self, export: Callable[..., Exported], dataset: Dataset
+    ) -> None:
+        before = tree(dataset.path)
+        export()
+        assert tree(dataset.path) == before
+
+    def test_an_unknown_setting_is_refused_with_the_valid_ones(
+        self, exporter: Exporter, dataset: Dataset, out: Path
+    ) -> None:
+        valid = ", ".join(field.name for field in dataclasses.fields(exporter.parameters)) or "none"
+        with pytest.raises(ConfigError) as caught:
+            run_export(exporter, dataset, ROWS, out, {"nonsense": 1})
+        assert str(caught.value).startswith(f"unknown key '{exporter.name}.nonsense'")
+        assert str(caught.value).endswith(f"(valid: {valid})")
+        assert not out.exists()
+
+    @pytest.mark.parametrize("error", [errno.ENOSPC, errno.EIO], ids=["full", "failing"])
+    def test_a_disk_that_fails_at_any_call_leaves_nothing(
+        self, export: Callable[..., Exported], folder: Path, out: Path, error: int
+    ) -> None:
+        for failures in itertools.count():
+            calls = iter(range(failures))
+            first = lambda _done, calls=calls: next(calls, None) is None  # noqa: E731
+            with FaultyDisk(folder, first, error, stays=False).installed() as disk:
+                if disk_outcome(export) is None:
+                    break
+            assert disk.has_failed
+            assert list(folder.iterdir()) == []
+        assert failures > 2
+        assert out.exists()
+
+    def test_ctrl_c_leaves_nothing(self, export: Callable[..., Exported], folder: Path) -> None:
+        def stop() -> None:
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            export(on_episode=stop)
+        assert list(folder.iterdir()) == []
+
+    def test_a_damaged_store_is_named_and_nothing_is_left(
+        self, exporter: Exporter, folder: Path, tmp_path: Path
+    ) -> None:
+        dataset = make_store(tmp_path / "damaged.zarr")
+        for file in (tmp_path / "damaged.zarr").rglob("*"):
+            is_data = file.is_file() and file.name != "zarr.json" and "status" not in file.parts
+            if is_data:
+                file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+        with pytest.raises(StoreError, match="damaged"):
+            run_export(exporter, dataset, ROWS, folder / f"out{exporter.suffix}", {})
+        assert list(folder.iterdir()) == []
+
+    def test_of_a_killed_process_only_a_hidden_folder_stays(
+        self, exporter: Exporter, dataset: Dataset, out: Path
+    ) -> None:
+        spawn = multiprocessing.get_context("spawn")
+        process = spawn.Process(target=export_until_killed, args=(exporter, dataset, out))
+        process.start()
+        process.join()
+        assert process.exitcode == -signal.SIGKILL
+        (left,) = out.parent.iterdir()
+        assert left.is_dir()
+        assert left.name.startswith(f".{out.name}.exporting-")
+
+    @pytest.mark.parametrize("what", OCCUPANTS)
+    def test_what_is_there_is_not_overwritten(
+        self, export: Callable[..., Exported], out: Path, what: str
+    ) -> None:
+        OCCUPANTS[what](out)
+        before = occupant(out)
+        with pytest.raises(UsageError, match="exists, and an export overwrites nothing"):
+            export()
+        assert occupant(out) == before
+        assert list(out.parent.iterdir()) == [out]
+
+    @pytest.mark.parametrize("what", OCCUPANTS)
+    def test_what_appears_while_it_runs_is_not_overwritten(
+        self, export: Callable[..., Exported], out: Path, what: str
+    ) -> None:
+        def appear() -> None:
+            if not os.path.lexists(out):
+                OCCUPANTS[what](out)
+
+        with pytest.raises(UsageError, match="exists, and an export overwrites nothing"):
+            export(on_episode=appear)
+        assert list(out.parent.iterdir()) == [out]
+        if what == "a file":
+            assert out.read_text() == "mine"
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Return the bytes of a file, or of every file of a folder."""
+    return {"": path.read_bytes()} if path.is_file() else tree(path)
+
+
+def disk_outcome(export: Callable[..., Exported]) -> str | None:
+    """Return what an export on a faulty disk ended with; None if it was done."""
+    try:
+        export()
+    except StoreError as error:
+        return str(error)
+    return None
