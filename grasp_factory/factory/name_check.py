@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sections import MAX_CLOSING_STROKE, SLOWEST_FINGERS
 from grasp_factory.core.serialization import check
 from grasp_factory.errors import lookup
 from grasp_factory.objects import OBJECT_SETS, check_splits, find_set
@@ -35,4 +36,16 @@ def check_names(config: FactoryConfig) -> RobotModel:
     (low, high), force = robot.gripper.force_range, config.motion.grip_force
     valid = f"{low:g} to {high:g} N, which is what the gripper of {robot.name} can do"
     check(low <= force <= high, "motion.grip_force", force, valid)
+    _check_fingers(robot)
     return robot
+
+
+def _check_fingers(robot: RobotModel) -> None:
+    """Check that the fingers close within the time that the length of streams allows."""
+    stroke, speed = robot.gripper.max_width / 2.0, robot.gripper.max_finger_speed
+    valid = (
+        f"a robot whose fingers travel up to {MAX_CLOSING_STROKE:g} m each and reach"
+        f" {SLOWEST_FINGERS:g} m/s; those of {robot.name} travel {stroke:g} m and reach {speed:g} m/s"
+    )
+    fits = stroke <= MAX_CLOSING_STROKE and speed >= SLOWEST_FINGERS
+    check(fits, "robot", robot.name, valid)

@@ -12,11 +12,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig, Stepping
 from grasp_factory.core.config.sections import (
     MAX_CLOSING_STROKE,
@@ -24,6 +26,8 @@ from grasp_factory.core.config.sections import (
     WorkspaceConfig,
 )
 from grasp_factory.core.geometry import Pose, inverse
+from grasp_factory.errors import ConfigError
+from grasp_factory.factory.name_check import check_names
 from grasp_factory.robots import ROBOTS, arm_chain
 from grasp_factory.robots.ik import solve_ik
 from grasp_factory.simulation.robot import Robot
@@ -173,3 +177,14 @@ class TestRobot:
         facts = ROBOTS[name].facts()
         assert json.loads(json.dumps(facts)) == facts
         assert facts["joint_names"] == list(ROBOTS[name].arm_joints)
+
+
+@pytest.mark.parametrize("change", [{"max_width": 0.13}, {"max_finger_speed": 0.04}])
+def test_a_robot_whose_fingers_would_take_longer_is_refused(monkeypatch, change):
+    model = ROBOTS["kuka_iiwa"]
+    other = dataclasses.replace(
+        model, name="other", gripper=dataclasses.replace(model.gripper, **change)
+    )
+    monkeypatch.setitem(ROBOTS, "other", other)
+    with pytest.raises(ConfigError, match=r"^robot: got 'other', valid: a robot whose fingers"):
+        check_names(FactoryConfig(robot="other"))
