@@ -45,7 +45,7 @@ def _check_fingers(robot: RobotModel) -> None:
     stroke, speed = robot.gripper.max_width / 2.0, robot.gripper.max_finger_speed
     valid = (
         f"a robot whose fingers travel up to {MAX_CLOSING_STROKE:g} m each and reach"
-        f" {SLOWEST_FINGERS:g} m/s; those of {robot.name} travel {stroke:g} m and reach {speed:g} m/s"
+        f" {SLOWEST_FINGERS:g} m/s; those of this one travel {stroke:g} m and reach {speed:g} m/s"
     )
     fits = stroke <= MAX_CLOSING_STROKE and speed >= SLOWEST_FINGERS
     check(fits, "robot", robot.name, valid)
