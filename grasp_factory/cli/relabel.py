@@ -4,19 +4,32 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
+from grasp_factory.core.config.sections import LabelConfig
 from grasp_factory.core.serialization import from_plain, to_plain
 
 if TYPE_CHECKING:
     from grasp_factory.curation.relabel import Relabelled
 
-_threshold = partial(option, type=float, heading="Thresholds")
+F = TypeVar("F", bound=Callable[..., Any])
+
+def _threshold_options(command: F) -> F:
+    """Add an option for each threshold of a label."""
+    for name, text in reversed(LabelConfig.condition_texts().items()):
+        command = option(
+            f"--{name.replace('_', '-')}",
+            metavar="X",
+            type=float,
+            heading="Thresholds",
+            help=f"Success requires that {text.format('X')}.",
+        )(command)
+    return command
 
 
 @click.command(
@@ -28,23 +41,7 @@ _threshold = partial(option, type=float, heading="Thresholds")
 )
 @STORE
 @option("--name", metavar="NAME", required=True, help="Name of the new column, labels/NAME.")
-@_threshold(
-    "--min-lift",
-    metavar="METRES",
-    help="Smallest height above the resting pose at the end of the hold.",
-)
-@_threshold(
-    "--min-shake", metavar="LEVEL", help="Shake level in g that the grasp must survive; 0 for none."
-)
-@_threshold(
-    "--min-grip-force", metavar="NEWTONS", help="Smallest force on each pad during the hold."
-)
-@_threshold(
-    "--max-slip-distance", metavar="METRES", help="Largest translation of the object in the hand."
-)
-@_threshold(
-    "--max-slip-angle", metavar="RADIANS", help="Largest rotation of the object in the hand."
-)
+@_threshold_options
 @AS_JSON
 def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) -> None:
     """Label the episodes of a store with other thresholds.
@@ -52,7 +49,6 @@ def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) ->
     Computes success from the recorded signals and adds it to the store at PATH as labels/NAME,
     without simulating. Thresholds default to those of the store's config. Existing labels stay.
     """
-    from grasp_factory.core.config.sections import LabelConfig
     from grasp_factory.curation.relabel import relabel as run
     from grasp_factory.dataset.dataset import Dataset
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.sensors import SENSORS
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.policies import POLICIES
 from grasp_factory.robots import ROBOTS
@@ -19,6 +20,7 @@ TABLES: dict[str, Mapping[str, Any]] = {
     "objects": OBJECT_SETS,
     "policies": POLICIES,
     "robots": ROBOTS,
+    "sensors": SENSORS,
 }
 
 

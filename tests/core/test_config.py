@@ -16,7 +16,7 @@ from support.fake_episodes import make_spec, small_config
 
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
-from grasp_factory.core.config.sections import MotionConfig
+from grasp_factory.core.config.sections import LabelConfig, MotionConfig
 from grasp_factory.core.config.yaml_loader import parse_yaml, read_yaml
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.errors import ConfigError
@@ -418,3 +418,15 @@ def test_a_request_takes_numpys_integers() -> None:
 
 def test_the_default_request_is_valid() -> None:
     assert resolve_request({}, {}) == Request(config=FactoryConfig())
+
+
+def test_a_label_says_in_words_what_it_asks_for_and_no_more() -> None:
+    assert list(LabelConfig(min_shake=0.0).conditions()) == ["min_lift"]
+    strict = LabelConfig(min_grip_force=2.5, max_slip_distance=0.0, max_slip_angle=0.1)
+    assert strict.conditions() == {
+        "min_lift": "its centre of mass is at least 0.1 m above its rest at the end of the hold",
+        "min_shake": "it survives the shake up to level 1",
+        "min_grip_force": "neither pad presses with less than 2.5 N during the hold",
+        "max_slip_distance": "its centre of mass moves at most 0 m in the hand",
+        "max_slip_angle": "it turns at most 0.1 rad in the hand",
+    }

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import fields
 
 import numpy as np
 import pytest
 from support.helpers import tree
 from support.scenes import default_episodes
 
+from grasp_factory.cli.relabel import relabel as command
 from grasp_factory.core.config.sections import LabelConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.curation.relabel import relabel
@@ -120,3 +122,8 @@ def test_the_command_does_it_and_says_so(store):
     bad = subprocess.run(command, capture_output=True, text=True, check=False)
     assert bad.returncode == 2
     assert bad.stderr == "Error: min_lift: got -1.0, valid: 0.01 to 0.5 m\n"
+
+
+def test_each_threshold_of_a_label_is_an_option_of_the_command() -> None:
+    options = {name for option in command.params for name in option.opts}
+    assert {f"--{field.name.replace('_', '-')}" for field in fields(LabelConfig)} < options

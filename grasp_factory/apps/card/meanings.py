@@ -39,20 +39,8 @@ def label_conditions(config: FactoryConfig) -> Iterator[str]:
         )
     elif levels:
         yield f"the shake that follows, at {levels}, need not be survived"
-    yield from threshold_conditions(label.min_grip_force, "min_grip_force")
-    yield from threshold_conditions(label.max_slip_distance, "max_slip_distance")
-    yield from threshold_conditions(label.max_slip_angle, "max_slip_angle")
-
-
-def threshold_conditions(value: float | None, key: str) -> Iterator[str]:
-    """Give the condition of a threshold that a label need not have, if it has it."""
-    if value is None or (key == "min_grip_force" and value == 0.0):
-        return
-    yield {
-        "min_grip_force": f"neither pad presses with less than {value:g} N during the hold",
-        "max_slip_distance": f"its centre of mass moves at most {value:g} m in the hand",
-        "max_slip_angle": f"it turns at most {value:g} rad in the hand",
-    }[key]
+    said_above = ("min_lift", "min_shake")
+    yield from (text for name, text in label.conditions().items() if name not in said_above)
 
 
 def thresholds_text(thresholds: Mapping[str, Any]) -> str:

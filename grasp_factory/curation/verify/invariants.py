@@ -5,6 +5,7 @@ Each check gives (array, what is wrong) pairs.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -22,15 +23,15 @@ from grasp_factory.curation.verify.time_series import series_faults
 from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import shown
 from grasp_factory.labels.quality import BEST, WORST
+from grasp_factory.labels.rule import Measurements
 
 UNIT = 1e-5
 """By how much a quaternion in single precision may fail to be unit, and a matrix to be a turn."""
 FAR = 1e-6
 """Relative: the renderer's depth of what is at ``far`` is that but for rounding."""
 _NOT_NEGATIVE = (
-    *("object_displacement", "slip_distance", "slip_angle", "hold_duration", "shake_level"),
-    *("loss_time", "max_penetration", "contact_area", "table_penetration", "min_grip_force"),
-    "grasp_width",
+    *("object_displacement", "table_penetration", "grasp_width"),
+    *(field.name for field in dataclasses.fields(Measurements) if field.name != "lift_height"),
 )
 
 
@@ -98,8 +99,8 @@ def _code_faults(contents: Row, pieces: PartialStore) -> Iterator[Fault]:
 
 def _range_faults(contents: Row) -> Iterator[Fault]:
     for name in _NOT_NEGATIVE:
-        value = contents[f"episodes/{name}"]
-        if (value < 0.0).any():
+        value = contents.get(f"episodes/{name}")
+        if value is not None and (value < 0.0).any():
             yield f"episodes/{name}", f"{shown(value.tolist())}, valid: at least 0"
     mass = float(contents["episodes/object_mass"])
     if mass <= 0.0:
