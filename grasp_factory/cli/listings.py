@@ -1,4 +1,4 @@
-"""The commands that list names: ``objects``, ``robots``, ``policies``, ``cameras`` and ``sensors``."""
+"""The commands that list a table: ``objects``, ``robots``, ``policies``, ``cameras``, ``sensors``."""
 
 # ruff: noqa: PLC0415
 

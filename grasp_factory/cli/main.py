@@ -32,7 +32,16 @@ from grasp_factory.cli.tag import tag, tags
 from grasp_factory.cli.train import learning_curve, train
 
 COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
-    "Make a dataset": (generate, preview, objects, robots, policies, cameras, sensors, check_physics),
+    "Make a dataset": (
+        generate,
+        preview,
+        objects,
+        robots,
+        policies,
+        cameras,
+        sensors,
+        check_physics,
+    ),
     "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),
     "Search and annotate episodes": (index, query, tag, tags),
     "Check, change and export a dataset": (verify, repair, relabel, merge, split, export),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+
 def _threshold_options(command: F) -> F:
     """Add an option for each threshold of a label."""
     for name, text in reversed(LabelConfig.condition_texts().items()):
