@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.atomic_file import partial_path
-from grasp_factory.core.episode import checksum
-from grasp_factory.core.platforms import is_fingerprint
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.row_codec import fixed, is_fill
+from grasp_factory.dataset.row_integrity import (
+    QUARANTINE_PATHS,
+    digested_paths,
+    is_valid_fingerprint,
+    quarantine_checksum,
+)
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.columns import Columns, check_lengths
@@ -25,7 +29,6 @@ from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, is_sealed,
 from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 _MEND = "run grasp-factory verify on the store, and repair"
-_OF_QUARANTINED = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
 _WITHOUT = (schema.CHECKSUM.path, schema.DIGESTS.path)
 """What others are compared with."""
 
@@ -102,8 +105,7 @@ class CheckedArray(StoredArray):
         self._store, self._path = store, path
         self._array, self._arrays, self._field = arrays[path], arrays, fields[path]
         self._places = places
-        attributes: dict[str, Any] = arrays[schema.DIGESTS.path].zarr.attrs.asdict()
-        digested = attributes.get("arrays", [])
+        digested = digested_paths(arrays)
         self._place = digested.index(path) if path in digested else None
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
@@ -113,13 +115,6 @@ class CheckedArray(StoredArray):
             self._places.check(start, stop)
             self._check(values, start, stop)
         return values
-
-    def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
-        """See ``StoredArray.read_frames``; a digest is over all frames, so all are read."""
-        out = np.empty((len(rows), *self.zarr.shape[2:]), self.zarr.dtype)
-        for k, row in enumerate(rows):
-            out[k] = self.read(row, row + 1)[0, frame]
-        return out
 
     def _check(self, values: NDArray[Any], start: int, stop: int) -> None:
         status = self._arrays[schema.STATUS.path].read(start, stop)
@@ -145,15 +140,15 @@ class CheckedArray(StoredArray):
                 self._refuse(start + k)
 
     def _check_fingerprint(self, row: int, status: int, text: str) -> None:
-        is_told = status != MISSING and self._places.has_fingerprints
-        if not is_fingerprint(text) and (text or is_told) and not self._is_unfinished(row):
+        required = status != MISSING and self._places.has_fingerprints
+        if not is_valid_fingerprint(text, required=required) and not self._is_unfinished(row):
             self._refuse(row)
 
     def _is_beside(self, row: int, status: int, value: Any) -> bool:
         """Say whether a row without an episode holds nothing, or the recipe of its quarantine."""
         if status == MISSING and self._is_unfinished(row):
             return True
-        if status == QUARANTINED and self._path in _OF_QUARANTINED:
+        if status == QUARANTINED and self._path in QUARANTINE_PATHS:
             stored = str(self._arrays[schema.CHECKSUM.path].read(row, row + 1)[0])
             return stored == self._quarantined(row)
         return is_fill(fixed(value), self._field.fill)
@@ -168,8 +163,9 @@ class CheckedArray(StoredArray):
 
     def _quarantined(self, row: int) -> str:
         """Return the checksum that the row has if it is quarantined."""
-        of = {path: self._arrays[path].read(row, row + 1)[0] for path in _OF_QUARANTINED}
-        return checksum({path: fixed(value) for path, value in of.items()})
+        return quarantine_checksum(
+            {p: fixed(self._arrays[p].read(row, row + 1)[0]) for p in QUARANTINE_PATHS}
+        )
 
     def _is_unfinished(self, row: int) -> bool:
         """Say whether a row's block is being written: it has no marker yet, or one that is new."""

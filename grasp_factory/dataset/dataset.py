@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
-from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.dataset.annotations import Annotation, AnnotationLog
 from grasp_factory.dataset.annotations.values import checked_tag
 from grasp_factory.dataset.checked_reader import CheckedColumns, checked_arrays, checked_label
 from grasp_factory.dataset.episode_reader import Episodes
 from grasp_factory.dataset.row_codec import NEEDED
 from grasp_factory.dataset.row_index import RowIndex
+from grasp_factory.dataset.row_integrity import must_have_fingerprints
 from grasp_factory.dataset.sensor_reader import Readings
 from grasp_factory.dataset.sensor_views import EpisodeViews
 from grasp_factory.errors import StoreError, UsageError, lookup
@@ -98,8 +98,8 @@ class Dataset(EpisodeViews):
             raise StoreError(f"{path} is damaged: {what}")
         if checked:
             seed = None if SOURCES in root.attrs else config.seed
-            told = seed is not None and FINGERPRINT in root.attrs
-            arrays = checked_arrays(path, arrays, fields, seed, has_fingerprints=told)
+            required = must_have_fingerprints(root.attrs)
+            arrays = checked_arrays(path, arrays, fields, seed, has_fingerprints=required)
         return cls(path, config, root.attrs.asdict(), arrays, shown_as, checked=checked)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -14,9 +14,10 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, checksum
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.row_codec import Row, assemble, read_rows
+from grasp_factory.dataset.row_integrity import episode_contents
 from grasp_factory.errors import StoreError
 from grasp_factory.signals.noise import EpisodeNoise
-from grasp_factory.writers.zarr.array_reader import StoredArray
+from grasp_factory.writers.zarr.array_reader import StoredArray, by_block
 from grasp_factory.writers.zarr.writer import COMMITTED
 
 
@@ -62,11 +63,8 @@ class Episodes:
         Raises:
             StoreError: if one is damaged.
         """
-        blocks = rows // self._config.block_size
-        order = np.argsort(blocks, kind="stable")
-        groups = np.split(order, np.flatnonzero(np.diff(blocks[order])) + 1) if len(rows) else []
-        for group in sorted(groups, key=lambda group: int(group[0])):
-            mine = rows[group]
+        for places in by_block(rows, self._config.block_size):
+            mine = rows[places]
             yield mine, self._of_block(mine)
 
     def is_whole(self, row: int) -> bool:
@@ -75,8 +73,7 @@ class Episodes:
             read = self._rows(row, row + 1)[0]
         except StoreError:
             return False
-        contents = {p: v for p, v in read.items() if p not in schema.NOT_IN_AN_EPISODE}
-        return checksum(contents) == str(read[schema.CHECKSUM.path])
+        return checksum(episode_contents(read)) == str(read[schema.CHECKSUM.path])
 
     def _of_block(self, rows: NDArray[np.int64]) -> list[Episode]:
         """Return the episodes of some rows of a block.

@@ -54,12 +54,7 @@ class RowIndex:
             StoreError: naming the first row that is missing or quarantined.
         """
         rows = self.places(indices)
-        statuses = np.empty(len(rows), np.uint8)
-        blocks = rows // self._block_size
-        for block in np.unique(blocks):
-            mine = np.flatnonzero(blocks == block)
-            first, last = int(rows[mine].min()), int(rows[mine].max())
-            statuses[mine] = self._statuses.read(first, last + 1)[rows[mine] - first]
+        statuses = self._statuses.gather(rows, self._block_size)
         for k in np.flatnonzero((statuses == MISSING) | (statuses == QUARANTINED))[:1]:
             self._refuse(int(rows[k]), int(statuses[k]))
         return rows

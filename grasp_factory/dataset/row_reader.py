@@ -9,13 +9,13 @@ from pathlib import Path
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
-from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.dataset.row_codec import Row, assemble, read_rows
+from grasp_factory.dataset.row_integrity import is_valid_fingerprint, must_have_fingerprints
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr.array_reader import open_arrays
 from grasp_factory.writers.zarr.columns import check_lengths
-from grasp_factory.writers.zarr.header import SOURCES, fields_of, open_store
+from grasp_factory.writers.zarr.header import fields_of, open_store
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 
@@ -49,7 +49,7 @@ class RowReader:
         root, self.config = open_store(path, mode="r")
         attributes = root.attrs.asdict()
         self._fields = fields_of(path, self.config, attributes)
-        self._tells_platforms = FINGERPRINT in attributes and SOURCES not in attributes
+        self._must_have_fingerprints = must_have_fingerprints(attributes)
         self._arrays = open_arrays(root, path, self._fields, set(self._fields))
         try:
             check_lengths(path, self._arrays)
@@ -81,7 +81,7 @@ class RowReader:
         if found != str(row[schema.CHECKSUM.path]):
             raise self._damaged(i, "does not match its checksum")
         text = str(row.get(schema.FINGERPRINT.path, ""))
-        if not is_fingerprint(text) and (text or self._tells_platforms):
+        if not is_valid_fingerprint(text, required=self._must_have_fingerprints):
             raise self._damaged(i, f"has a damaged {schema.FINGERPRINT.path}")
         return StoredRow(content=content, checksum=found, fingerprint=text)
 

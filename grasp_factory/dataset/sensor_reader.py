@@ -202,15 +202,7 @@ class Readings:
         return int(self._value(path, row)) if path in self._arrays else row
 
     def _values(self, path: str, rows: Sequence[int]) -> NDArray[Any]:
-        """Return the values of K rows, (K, ...), reading those of a block at once."""
-        at = np.asarray(rows, np.int64)
-        blocks, array = at // self._config.block_size, self._arrays[path]
-        out = np.empty((len(at), *array.zarr.shape[1:]), array.zarr.dtype)
-        for block in np.unique(blocks):
-            mine = np.flatnonzero(blocks == block)
-            first = int(at[mine].min())
-            out[mine] = array.read(first, int(at[mine].max()) + 1)[at[mine] - first]
-        return out
+        return self._arrays[path].gather(np.asarray(rows, np.int64), self._config.block_size)
 
     def _value(self, path: str, row: int) -> Any:
         return self._arrays[path].read(row, row + 1)[0]

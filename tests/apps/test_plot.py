@@ -25,9 +25,9 @@ from support.fake_episodes import JOINTS, make_rows, small_config
 from support.places import TINY
 
 from grasp_factory.apps.pictures import plot
+from grasp_factory.apps.pictures.painting import depth_span
 from grasp_factory.apps.pictures.plot import look, plot_episode
 from grasp_factory.apps.pictures.plot.figure import Subject, facts, figure_of, pixels_of
-from grasp_factory.apps.pictures.plot.pictures import depth_span
 from grasp_factory.cli.main import cli
 from grasp_factory.core.enums import Label, Outcome, Phase, names
 from grasp_factory.core.episode import Episode
@@ -276,14 +276,23 @@ class TestDepthSpan:
         labels = np.full_like(front.segmentation, Label.FLOOR)
         depth[:, :40], labels[:, :40] = 0.5, Label.TABLE
         depth[:, :10], labels[:, :10] = 0.4, Label.TARGET
-        frames = dataclasses.replace(front, depth=depth, segmentation=labels)
-        assert depth_span(frames, 4.0) == pytest.approx((0.4, 0.5))
+        assert depth_span(depth, labels, 4.0) == pytest.approx((0.4, 0.5))
+
+    def test_is_that_of_all_that_is_seen_where_there_is_no_table(self) -> None:
+        depth = np.array([[0.7, 0.9, 4.0, np.nan]], np.float32)
+        labels = np.full(depth.shape, Label.FLOOR, np.uint8)
+        assert depth_span(depth, labels, 4.0) == pytest.approx((0.702, 0.898))
+
+    def test_each_image_has_its_own_end_of_sight(self) -> None:
+        depth = np.array([[[1.0, 2.0]], [[1.0, 3.0]]], np.float32)
+        labels = np.full(depth.shape, Label.TABLE, np.uint8)
+        far = np.array([2.0, 4.0])[:, None, None]
+        assert depth_span(depth, labels, far) == pytest.approx((1.0, 2.96))
 
     @pytest.mark.parametrize("value", [np.nan, np.inf, 4.0, 0.5])
     def test_is_a_span_also_of_nothing_and_of_one_depth(self, value: float) -> None:
         front = DATASET[0].cameras["front"]
-        frames = dataclasses.replace(front, depth=np.full_like(front.depth, value))
-        low, high = depth_span(frames, 4.0)
+        low, high = depth_span(np.full_like(front.depth, value), front.segmentation, 4.0)
         assert 0.0 <= low < high
 
 

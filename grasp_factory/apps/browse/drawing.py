@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from grasp_factory.apps.pictures.painting import (
     BgrImage,
     depth_picture,
+    depth_span,
     label_palette,
     label_picture,
 )
@@ -51,18 +52,10 @@ def video_frame(rgb: NDArray[np.uint8]) -> bytes:
     return _encoded(".jpg", _bgr(rgb), _VIDEO)
 
 
-def depth_span(dataset: Dataset, row: int, camera: str) -> tuple[float, float]:
-    """Return the depths, metres, between which an episode's depth colours run.
-
-    They are those of the table and what lies on it before the attempt.
-    """
-    labels = dataset.image(row, camera, "segmentation", 0)
-    depth = dataset.image(row, camera, "depth", 0)
-    values = depth[((labels == Label.TABLE) | (labels >= Label.TARGET)) & np.isfinite(depth)]
-    if not len(values):
-        return 0.0, 1.0
-    low, high = np.percentile(values, [1.0, 99.0])
-    return float(low), float(high)
+def depth_range(dataset: Dataset, row: int, camera: str) -> tuple[float, float]:
+    """Return the ``depth_span`` of a camera's images before an episode's attempt."""
+    depth, labels = (dataset.image(row, camera, kind, 0) for kind in ("depth", "segmentation"))
+    return depth_span(depth, labels, _far(dataset, row, camera))
 
 
 def label_colors(names: list[str]) -> list[dict[str, object]]:
@@ -77,13 +70,17 @@ def label_colors(names: list[str]) -> list[dict[str, object]]:
 def _image(dataset: Dataset, row: int, camera: str, kind: str, frame: int) -> BgrImage:
     """Return one of ``KINDS``, BGR."""
     if kind == "depth":
-        far = dataset.spec(row).cameras[camera].far
         depth = dataset.image(row, camera, "depth", frame)
-        return depth_picture(depth, *depth_span(dataset, row, camera), far)
+        near_and_far = depth_range(dataset, row, camera)
+        return depth_picture(depth, *near_and_far, _far(dataset, row, camera))
     if kind == "segmentation":
         return label_picture(dataset.image(row, camera, "segmentation", frame))
     image = _bgr(dataset.image(row, camera, "rgb", frame))
     return image if kind == "rgb" else _tinted(image, dataset, row, camera, frame)
+
+
+def _far(dataset: Dataset, row: int, camera: str) -> float:
+    return dataset.spec(row).cameras[camera].far
 
 
 def _tinted(image: BgrImage, dataset: Dataset, row: int, camera: str, frame: int) -> BgrImage:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.apps.browse.drawing import depth_span
+from grasp_factory.apps.browse.drawing import depth_range
 from grasp_factory.apps.browse.series import pad_size
 from grasp_factory.apps.browse.shelf import OpenStore
 from grasp_factory.core.serialization import to_plain
@@ -45,7 +45,7 @@ def episode(opened: OpenStore, row: int, indexed: Mapping[str, Any]) -> dict[str
         "spec": to_plain(dataset.spec(row)),
         "columns": _columns(dataset, row),
         "cameras": {camera: _camera(opened, row, camera) for camera in dataset.config.cameras},
-        "depth_range": {c: depth_span(dataset, row, c) for c in dataset.config.cameras},
+        "depth_range": {c: depth_range(dataset, row, c) for c in dataset.config.cameras},
         "grasp": _grasp(dataset, row),
         "pad_size": pad_size(opened),
         "objects": dataset.value(row, "object_ids").tolist(),

@@ -89,6 +89,27 @@ def depth_picture(depth: NDArray[np.float32], near: float, far: float, nothing: 
     return np.asarray(colors, np.uint8)
 
 
+def depth_span(
+    depth: NDArray[np.float32], labels: NDArray[np.uint8], far: float | Array
+) -> tuple[float, float]:
+    """Return the depths, metres, between which colours run: of the table and what lies on it.
+
+    Where neither is seen, they are those of all that is seen.
+
+    Args:
+        depth: of one image or more, (..., H, W), metres.
+        labels: their segmentations, (..., H, W).
+        far: the depth from which on nothing is seen, metres; it must broadcast to ``depth``.
+    """
+    is_seen = np.isfinite(depth) & (depth < far)
+    of_interest = is_seen & ((labels == Label.TABLE) | (labels >= Label.TARGET))
+    values = depth[of_interest if of_interest.any() else is_seen]
+    if not len(values):
+        return 0.0, 1.0
+    low, high = (float(v) for v in np.percentile(values, [1.0, 99.0]))
+    return low, max(high, low + 1e-3)
+
+
 def depth_bar(width: int, height: int) -> BgrImage:
     """Return the legend of ``depth_picture``, from near on the left to far on the right."""
     return depth_picture(np.tile(np.linspace(0, 1, width, dtype=np.float32), (height, 1)), 0, 1, 9)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.painting import BgrImage
-from grasp_factory.core.enums import Label, label_names
+from grasp_factory.core.enums import label_names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.output_file import FileKind, check_out, written_aside
 from grasp_factory.dataset.dataset import Dataset
@@ -166,21 +166,12 @@ def _lefts(panel_width: int) -> list[int]:
 
 
 def _depth_span(episodes: Sequence[Episode], camera: str) -> tuple[float, float]:
-    """Return the depths, metres, between which the colours run: the same for all episodes.
-
-    They are those of the table and what lies on it.
-    """
-    values = np.concatenate([_depths_of_interest(e.cameras[camera]) for e in episodes])
-    if not len(values):
-        return 0.0, 1.0
-    low, high = np.percentile(values, [1.0, 99.0])
-    return float(low), float(high)
-
-
-def _depths_of_interest(frames: CameraFrames) -> NDArray[np.float32]:
-    labels = frames.segmentation[0]
-    values = frames.depth[0][(labels == Label.TABLE) | (labels >= Label.TARGET)]
-    return np.asarray(values[np.isfinite(values)])
+    """Return the ``depth_span`` of the first images of all episodes together."""
+    frames = [episode.cameras[camera] for episode in episodes]
+    depth = np.stack([found.depth[0] for found in frames])
+    labels = np.stack([found.segmentation[0] for found in frames])
+    far = np.array([episode.spec.cameras[camera].far for episode in episodes])
+    return painting.depth_span(depth, labels, far[:, None, None])
 
 
 def _draw_header(sheet: BgrImage, panel_width: int, span: tuple[float, float]) -> None:

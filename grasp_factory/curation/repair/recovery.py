@@ -5,15 +5,15 @@ from __future__ import annotations
 import dataclasses
 
 from grasp_factory.core import schema
-from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
-from grasp_factory.curation.verify.contents import OF_QUARANTINED, trimmed
+from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.curation.verify.contents import is_complete, is_whole, trimmed
 from grasp_factory.curation.verify.invariants import faults
 from grasp_factory.curation.verify.partial_store import PartialStore
 from grasp_factory.dataset.row_codec import Row, assemble
+from grasp_factory.dataset.row_integrity import QUARANTINE_PATHS, mismatched, quarantine_checksum
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.zarr.digests import digest
 
 _RECIPE = ("episodes/spec", "episodes/seed", "episodes/index")
 
@@ -53,11 +53,9 @@ _NONE = -1
 
 def _episode(row: Row, pieces: PartialStore, i: int) -> Episode | None:
     contents = trimmed(row, pieces.fields)
-    paths = [path for path in pieces.fields if path not in schema.NOT_IN_AN_EPISODE]
-    if not all(path in contents for path in paths):
+    if not is_complete(contents, pieces):
         return None
-    same = checksum(contents) == str(row.get(schema.CHECKSUM.path, ""))
-    if not same and not _sound(row, pieces) >= set(paths):
+    if not is_whole(row, contents, pieces) and not _sound(row, pieces) >= set(contents):
         return None
     if next(faults(contents, pieces, i), None):
         return None
@@ -68,9 +66,9 @@ def _episode(row: Row, pieces: PartialStore, i: int) -> Episode | None:
 
 
 def _quarantined(row: Row, pieces: PartialStore, i: int) -> Quarantined | None:
-    if not all(path in row for path in (*OF_QUARANTINED, schema.CHECKSUM.path)):
+    if not all(path in row for path in (*QUARANTINE_PATHS, schema.CHECKSUM.path)):
         return None
-    if checksum({path: row[path] for path in OF_QUARANTINED}) != str(row[schema.CHECKSUM.path]):
+    if quarantine_checksum(row) != str(row[schema.CHECKSUM.path]):
         return None
     try:
         spec = EpisodeSpec.from_json(str(row["episodes/spec"]))
@@ -86,7 +84,5 @@ def _sound(row: Row, pieces: PartialStore) -> set[str]:
     if schema.DIGESTS.path not in row:
         return set()
     contents = trimmed(row, pieces.fields)
-    digests = zip(pieces.digested, row[schema.DIGESTS.path].tolist(), strict=True)
-    return {
-        path for path, stored in digests if path in contents and digest(contents[path]) == stored
-    }
+    differs = mismatched(contents, pieces.digested, row[schema.DIGESTS.path])
+    return {path for path in differs if not differs[path]}

@@ -13,7 +13,6 @@ from grasp_factory.core import schema
 from grasp_factory.core.atomic_file import partial_path
 from grasp_factory.core.platforms import is_fingerprint
 from grasp_factory.curation.verify.contents import (
-    OF_QUARANTINED,
     behind_problems,
     beside,
     committed_problems,
@@ -30,12 +29,13 @@ from grasp_factory.curation.verify.invariants import faults
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.curation.verify.problems import GENERATE, REPAIR, Problem
 from grasp_factory.dataset.row_codec import Row
+from grasp_factory.dataset.row_integrity import QUARANTINE_PATHS
 from grasp_factory.factory.executors import SendMessage
 from grasp_factory.writers.zarr.layout import block_files
 from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 UNKNOWN = -1
-NOT_EMPTY = (*OF_QUARANTINED, schema.FINGERPRINT.path)
+NOT_EMPTY = (*QUARANTINE_PATHS, schema.FINGERPRINT.path)
 """Paths of what a quarantined row holds."""
 MAKER = "this version of grasp-factory wrote it so, or another program: make the episode again"
 """Advice for what matches its checksum and cannot be true."""

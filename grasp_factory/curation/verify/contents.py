@@ -11,18 +11,22 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.episode import checksum
-from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.core.schema import Field
 from grasp_factory.curation.verify.partial_store import PartialStore
 from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.dataset.row_codec import Row, fixed, is_fill
+from grasp_factory.dataset.row_integrity import (
+    QUARANTINE_PATHS,
+    episode_contents,
+    is_valid_fingerprint,
+    mismatched,
+    must_have_fingerprints,
+    quarantine_checksum,
+)
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray
-from grasp_factory.writers.zarr.digests import digest
 from grasp_factory.writers.zarr.layout import block_files
 
-OF_QUARANTINED = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
-"""Paths of what is kept of an episode that is quarantined."""
 _NOT_CHECKED = (schema.STATUS.path, schema.CHECKSUM.path)
 
 
@@ -56,10 +60,8 @@ def trimmed(row: Mapping[str, NDArray[Any]], fields: Mapping[str, Field]) -> Row
     A time series whose length is not known, or cannot be, is left out.
     """
     out = {}
-    for path, value in row.items():
+    for path, value in episode_contents(row).items():
         length = fields[path].length_column
-        if path in schema.NOT_IN_AN_EPISODE:
-            continue
         if not length:
             out[path] = value
         elif length in row and 0 <= row[length] <= len(value):
@@ -100,9 +102,9 @@ def committed_problems(row: Row, contents: Row, pieces: PartialStore, i: int) ->
 def quarantined_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem]:
     """Return what is wrong with what is kept of a quarantined row."""
     stored = row.get(schema.CHECKSUM.path)
-    if stored is None or not all(path in row for path in OF_QUARANTINED):
+    if stored is None or not all(path in row for path in QUARANTINE_PATHS):
         return []  # it could not be read, which is a problem already
-    if checksum({path: row[path] for path in OF_QUARANTINED}) != str(stored):
+    if quarantine_checksum(row) != str(stored):
         what = "does not match recipe and reason of the quarantine"
         return [_problem(i, schema.CHECKSUM.path, what)]
     if not pieces.is_collected and int(row["episodes/index"]) != i:
@@ -116,8 +118,8 @@ def fingerprint_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem
     Rows of a store that was put together, or was made without fingerprints, may have none.
     """
     text = str(row.get(schema.FINGERPRINT.path, ""))
-    is_told = not pieces.is_collected and FINGERPRINT in pieces.attributes
-    if schema.FINGERPRINT.path not in row or is_fingerprint(text) or not (text or is_told):
+    required = must_have_fingerprints(pieces.attributes)
+    if schema.FINGERPRINT.path not in row or is_valid_fingerprint(text, required=required):
         return []
     what = "is no fingerprint, or is damaged" if text else "is lost"
     return [_problem(i, schema.FINGERPRINT.path, what)]
@@ -209,8 +211,8 @@ def _wrong_digests(row: Row, contents: Row, pieces: PartialStore) -> list[str]:
     """Return the paths whose values do not match their digests, as far as there are any."""
     if schema.DIGESTS.path not in row:
         return []
-    digests = zip(pieces.digested, row[schema.DIGESTS.path].tolist(), strict=True)
-    return [p for p, stored in digests if p in contents and digest(contents[p]) != stored]
+    differs = mismatched(contents, pieces.digested, row[schema.DIGESTS.path])
+    return [path for path in differs if differs[path]]
 
 
 def _is_length(path: str, length: int, pieces: PartialStore) -> bool:

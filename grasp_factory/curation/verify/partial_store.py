@@ -14,6 +14,7 @@ from grasp_factory.curation.verify.documents import array_documents, length_prob
 from grasp_factory.curation.verify.foreign_chunks import is_rewritten
 from grasp_factory.curation.verify.length import most_rows, number_of_rows
 from grasp_factory.curation.verify.problems import Problem
+from grasp_factory.dataset.row_integrity import digested_paths
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray, stored
 from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store
@@ -49,10 +50,7 @@ class PartialStore:
     @property
     def digested(self) -> tuple[str, ...]:
         """Paths in the order of ``episodes/array_crc32c``; none where that is damaged."""
-        if schema.DIGESTS.path not in self.arrays:
-            return ()
-        attributes: dict[str, Any] = self.arrays[schema.DIGESTS.path].zarr.attrs.asdict()
-        return tuple(attributes["arrays"])
+        return digested_paths(self.arrays)
 
     @property
     def blocks(self) -> int:

@@ -47,13 +47,46 @@ class StoredArray(ABC):
             StoreError: naming them, if they are damaged.
         """
 
-    @abstractmethod
     def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
         """Return the values at ``frame`` of the second dimension, (K, ...), in the order of rows.
 
         Raises:
             StoreError: naming the row, if one is damaged.
         """
+        out = np.empty((len(rows), *self.zarr.shape[2:]), self.zarr.dtype)
+        for k, row in enumerate(rows):
+            out[k] = self.read(row, row + 1)[0, frame]
+        return out
+
+    def gather(self, rows: NDArray[np.int64], block_size: int) -> NDArray[Any]:
+        """Return the values of K rows, (K, ...), in their order; one read for each block.
+
+        Args:
+            rows: from 0, in any order, (K,).
+            block_size: rows of a block.
+
+        Raises:
+            StoreError: naming the rows, if some are damaged.
+        """
+        out = np.empty((len(rows), *self.zarr.shape[1:]), self.zarr.dtype)
+        for places in by_block(rows, block_size):
+            wanted = rows[places]
+            first = int(wanted.min())
+            out[places] = self.read(first, int(wanted.max()) + 1)[wanted - first]
+        return out
+
+
+def by_block(rows: NDArray[np.int64], block_size: int) -> list[NDArray[np.intp]]:
+    """Return, for each block among K rows, where its rows stand among them.
+
+    Blocks come in the order in which the rows first name them, and so do the rows of a block.
+    """
+    if not len(rows):
+        return []
+    blocks = rows // block_size
+    order = np.argsort(blocks, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(blocks[order])) + 1)
+    return sorted(groups, key=lambda group: int(group[0]))
 
 
 def open_arrays(
@@ -163,10 +196,6 @@ class ColumnFiles(_OurFiles):
         self._is_text = array.dtype.kind == "T"
         self._chunk = array.chunks
 
-    def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
-        """See ``StoredArray.read_frames``."""
-        return _row_by_row(self, rows, frame)
-
     def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
         try:
             with open(open_file(self._name(file)), "rb", buffering=0) as opened:
@@ -182,13 +211,6 @@ class ColumnFiles(_OurFiles):
         out[...] = whole[first : first + len(out)]
 
 
-def _row_by_row(array: StoredArray, rows: Sequence[int], frame: int) -> NDArray[Any]:
-    out = np.empty((len(rows), *array.zarr.shape[2:]), array.zarr.dtype)
-    for k, row in enumerate(rows):
-        out[k] = array.read(row, row + 1)[0, frame]
-    return out
-
-
 class ShardFiles(_OurFiles):
     """Many chunks a file: one for each episode, or for each of its frames."""
 
@@ -199,19 +221,16 @@ class ShardFiles(_OurFiles):
         """Chunks of an episode."""
 
     def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
-        """See ``StoredArray.read_frames``. Opens each file once."""
+        """See ``StoredArray.read_frames``. Opens each file once, and unpacks no other frames."""
         if self._pieces != self._shape[0]:  # a chunk holds all of an episode
-            return _row_by_row(self, rows, frame)
+            return super().read_frames(rows, frame)
         out = np.empty((len(rows), *self._shape[1:]), self._dtype)
-        size = self._file_rows
-        of_file: dict[int, list[int]] = {}
-        for k, row in enumerate(rows):
-            of_file.setdefault(row // size, []).append(k)
-        for file, places in of_file.items():
-            within = [rows[k] for k in places]
-            with self._naming(min(within), max(within) + 1):
-                numbers = [row % size * self._pieces + frame for row in within]
-                self._read_pieces(file, numbers, [out[k] for k in places])
+        size, wanted = self._file_rows, np.asarray(rows, np.int64)
+        for places in by_block(wanted, size):
+            within = wanted[places]
+            with self._naming(int(within.min()), int(within.max()) + 1):
+                numbers = (within % size * self._pieces + frame).tolist()
+                self._read_pieces(int(within[0]) // size, numbers, [out[k] for k in places])
         return out
 
     def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:

@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.plot import look
 from grasp_factory.apps.pictures.plot.look import NORMAL, SMALL, PageLayout
-from grasp_factory.core.enums import Label, label_names
+from grasp_factory.core.enums import label_names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array
 
@@ -60,18 +60,6 @@ def draw_pictures(
     return top
 
 
-def depth_span(frames: CameraFrames, far: float) -> tuple[float, float]:
-    """Return the depths, metres, between which colours run: of the table and what lies on it."""
-    labels = frames.segmentation
-    is_seen = np.isfinite(frames.depth) & (frames.depth < far)
-    of_interest = is_seen & ((labels == Label.TABLE) | (labels >= Label.TARGET))
-    values = frames.depth[of_interest if of_interest.any() else is_seen]
-    if not len(values):
-        return 0.0, 1.0
-    low, high = (float(v) for v in np.percentile(values, [1.0, 99.0]))
-    return low, max(high, low + 1e-3)
-
-
 def _draw_depth(
     page: PageLayout,
     axes: list[Axes],
@@ -79,7 +67,8 @@ def _draw_depth(
     far: float,
     bar: tuple[float, float, float],
 ) -> None:
-    span = Normalize(*depth_span(frames, far))
+    near_and_far = painting.depth_span(frames.depth, frames.segmentation, far)
+    span = Normalize(*near_and_far)
     colors = mpl.colormaps["viridis_r"].with_extremes(bad=look.NOTHING)
     for ax, depth in zip(axes, frames.depth, strict=True):
         seen = np.ma.masked_where(~(depth < far), depth)
@@ -88,7 +77,7 @@ def _draw_depth(
     legend = page.axes(left, top, width, 7)
     page.figure.colorbar(ScalarMappable(span, colors), cax=legend, orientation="horizontal")
     legend.tick_params(labelsize=SMALL, length=2, pad=1)
-    ticks = np.linspace(*depth_span(frames, far), 5)
+    ticks = np.linspace(*near_and_far, 5)
     legend.set_xticks(ticks, [f"{tick:.2f} m" for tick in ticks])
     first, *_, last = legend.get_xticklabels()
     first.set_horizontalalignment("left")
