@@ -37,7 +37,7 @@ def obj_text(solids: Sequence[Polyhedron]) -> str:
         for face in solid:
             corners = (
                 "/".join(
-                    str(tables[kind].setdefault(_row(value), len(tables[kind]) + 1))
+                    str(tables[kind].setdefault(numbers_text(value), len(tables[kind]) + 1))
                     for kind, value in zip(
                         tables, (corner.position, corner.texture, corner.normal), strict=True
                     )
@@ -65,5 +65,6 @@ def triangles(path: Path) -> Array:
     return corners
 
 
-def _row(values: Sequence[float]) -> str:
+def numbers_text(values: Sequence[float]) -> str:
+    """Return numbers as an OBJ file has them: at most 7 decimals and 7 digits, never -0."""
     return " ".join(f"{round(value, 7) + 0.0:.7g}" for value in values)  # + 0.0: no minus zero

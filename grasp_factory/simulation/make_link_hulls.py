@@ -1,8 +1,8 @@
-"""How the arm's collision hulls are made: ``python -m grasp_factory.simulation.make_link_hulls``.
+"""Make the arm's collision hulls: ``python -m grasp_factory.simulation.make_link_hulls``.
 
-Loading the convex hulls of the iiwa's own meshes (7,500 points) took four fifths of building a
-scene, at every episode (issue 5). What they are for, contacts of the arm on its way, a millimetre
-does not change: that is also the margin that the engine puts around each of them.
+Loading the convex hulls of the iiwa's own meshes (7,500 points) took four fifths of the time of
+building a scene, at every episode (issue 5). The hulls only serve to detect contacts of the arm on
+its way. A millimetre does not matter there: the engine's own collision margin is as wide.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LINKS = tuple(f"link_{i}" for i in range(8))
 TOLERANCE = 0.001
 """Metres by which a hull may fall short of the mesh's, in any direction."""
 DIRECTIONS = 20_000
-"""In which it is looked at: about 1.4 degrees apart."""
+"""Number of directions in which the hulls are compared: about 1.4 degrees apart."""
 
 _HEADER = """\
 # Points of the convex hull of {name}.stl in pybullet_data/kuka_iiwa (lbr_iiwa model,
@@ -56,9 +56,8 @@ def hull_text(name: str) -> str:
 
     points = link_hull(np.asarray(trimesh.load(MESHES / f"{name}.stl").vertices, np.float64))
     hull = trimesh.convex.convex_hull(np.round(points, 5))
-    lines = [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in hull.vertices]
-    lines += [f"f {a} {b} {c}" for a, b, c in hull.faces + 1]
-    return _HEADER.format(name=name) + f"o {name}\n" + "\n".join(lines) + "\n"
+    text = hull.export(file_type="obj", digits=5, header=None, include_normals=False)
+    return f"{_HEADER.format(name=name)}o {name}\n{text.rstrip()}\n"
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from grasp_factory.core.geometry import Array
+from grasp_factory.objects.obj_file import numbers_text
 
 CREASE = np.radians(30.0)
 """Edges sharper than this are seen as edges."""
@@ -22,7 +23,7 @@ def collision_text(hulls: Sequence[ConvexHull]) -> bytes:
     for i, hull in enumerate(hulls):
         order = {int(old): new for new, old in enumerate(hull.vertices)}
         lines.append(f"o part_{i}")
-        lines += _rows("v", hull.points[hull.vertices])
+        lines += _lines("v", hull.points[hull.vertices])
         for face, equation in zip(hull.simplices, hull.equations, strict=True):
             a, b, c = hull.points[face]
             outwards = np.dot(np.cross(b - a, c - a), equation[:3]) > 0.0
@@ -47,7 +48,7 @@ def visual_text(mesh: trimesh.Trimesh) -> bytes:
     vt, at_vt = _unique(textures, 5)
     vn, at_vn = _unique(normals, 4)
     corners = np.stack([at_v[mesh.faces.reshape(-1)], at_vt, at_vn], axis=1) + 1
-    lines = ["o seen", *_rows("v", v), *_rows("vt", vt), *_rows("vn", vn)]
+    lines = ["o seen", *_lines("v", v), *_lines("vt", vt), *_lines("vn", vn)]
     words = [f"{a}/{b}/{c}" for a, b, c in corners.tolist()]
     lines += [f"f {' '.join(words[i : i + 3])}" for i in range(0, len(words), 3)]
     return ("\n".join(lines) + "\n").encode("ascii")
@@ -72,6 +73,5 @@ def _unique(values: Array, decimals: int) -> tuple[Array, NDArray[np.intp]]:
     return rows, inverse.reshape(-1)
 
 
-def _rows(kind: str, values: Array) -> Iterable[str]:
-    for row in values.tolist():
-        yield " ".join([kind, *(f"{round(v, 7) + 0.0:.7g}" for v in row)])
+def _lines(kind: str, values: Array) -> Iterable[str]:
+    return (f"{kind} {numbers_text(row)}" for row in values.tolist())
