@@ -14,6 +14,7 @@ import click
 
 from grasp_factory.cli.signal_handling import leave, signals_as_exceptions
 from grasp_factory.core.os_errors import MACHINE_TROUBLE
+from grasp_factory.core.text_format import escaped
 from grasp_factory.errors import (
     EXIT_DONE,
     EXIT_FAILURE,
@@ -108,15 +109,11 @@ def _print_error(message: str, code: int) -> int:
 
 
 def _in_one_line(message: str) -> str:
-    line = "".join(c if c.isprintable() else _escaped(c) for c in " ".join(message.split()))
+    line = escaped(" ".join(message.split()))
     if len(line) > LONGEST_MESSAGE:
         half = LONGEST_MESSAGE // 2
         line = f"{line[:half]} ... {line[-half:]}"
     return line
-
-
-def _escaped(character: str) -> str:
-    return character.encode("unicode_escape", "surrogatepass").decode("ascii")
 
 
 if __name__ == "__main__":

@@ -104,7 +104,7 @@ def shown(value: Any) -> str:
     return text if len(text) <= 300 else f"{text[:300]}..."
 
 
-def nearest(name: str, valid: Iterable[str]) -> str:
+def did_you_mean(name: str, valid: Iterable[str]) -> str:
     """Return the hint ``; did you mean 'x'?``, or an empty string if no valid name is close."""
     close = difflib.get_close_matches(name[:100], list(valid), n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
@@ -119,4 +119,6 @@ def lookup(table: Mapping[str, T], kind: str, name: str) -> T:
     if name in table:
         return table[name]
     valid = ", ".join(sorted(table))
-    raise UnknownNameError(f"unknown {kind} {shown(name)}{nearest(name, table)} (valid: {valid})")
+    raise UnknownNameError(
+        f"unknown {kind} {shown(name)}{did_you_mean(name, table)} (valid: {valid})"
+    )

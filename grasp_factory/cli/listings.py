@@ -55,13 +55,13 @@ def objects(ctx: click.Context, folder: Path | None, robot: str, as_json: bool) 
         _print_table(OBJECT_SETS, as_json=as_json)
         return
     from grasp_factory.cli.object_import import import_for
-    from grasp_factory.objects.importing import report_text
+    from grasp_factory.objects.importing import import_report_text
 
     report = import_for(folder, robot)
     if as_json:
         print_json(report)
     else:
-        click.echo(report_text(report))
+        click.echo(import_report_text(report))
     ctx.exit(EXIT_DONE if report.usable else EXIT_FAILURE)
 
 

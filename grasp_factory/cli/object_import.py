@@ -10,9 +10,10 @@ from pathlib import Path
 
 import click
 
+from grasp_factory.core.text_format import escaped
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.objects import OBJECT_SETS
-from grasp_factory.objects.importing import FolderReport, import_folder, printable
+from grasp_factory.objects.importing import FolderReport, import_folder
 from grasp_factory.robots import ROBOTS
 
 WARNINGS = 10
@@ -44,10 +45,10 @@ def import_usable(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderRe
     """
     report = import_for(path, robot, taken)
     for refusal in report.refused:
-        click.echo(f"{path}: {printable(refusal.file)} is skipped: {refusal.reason}", err=True)
+        click.echo(f"{path}: {escaped(refusal.file)} is skipped: {refusal.reason}", err=True)
     warned = [(item.file, "; ".join(item.warnings)) for item in report.usable if item.warnings]
     for file, warning in warned[:WARNINGS]:
-        click.echo(f"{path}: {printable(file)}: {warning}", err=True)
+        click.echo(f"{path}: {escaped(file)}: {warning}", err=True)
     if len(warned) > WARNINGS:
         more = f"{len(warned) - WARNINGS} more warnings; see `grasp-factory objects {path}`"
         click.echo(f"{path}: {more}", err=True)
@@ -68,5 +69,5 @@ def _set_name(path: Path, taken: Iterable[str]) -> str:
 
 
 def _progress(done: int, total: int, file: str) -> None:
-    text = f"importing {done + 1} of {total}: {printable(file)[:60]}" if file else ""
+    text = f"importing {done + 1} of {total}: {escaped(file)[:60]}" if file else ""
     click.echo(f"\r\033[K{text}", err=True, nl=False)

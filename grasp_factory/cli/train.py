@@ -98,7 +98,7 @@ def train(
     _check_libraries()
     from grasp_factory.apps.learning import plots
     from grasp_factory.apps.learning.comparison import Course, compare
-    from grasp_factory.apps.learning.report import report_of, report_text
+    from grasp_factory.apps.learning.report import report_of, training_report_text
     from grasp_factory.cli.progress import watched
     from grasp_factory.policies.networks import save_model
 
@@ -121,7 +121,7 @@ def train(
     if as_json:
         print_json(report)
         return
-    click.echo(report_text(report))
+    click.echo(training_report_text(report))
     click.echo(f"the weights, report.json, roc.png and calibration.png are in {out}")
 
 

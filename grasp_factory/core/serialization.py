@@ -12,7 +12,7 @@ from enum import Enum
 from functools import cache
 from typing import Any, TypeVar, cast
 
-from grasp_factory.errors import ConfigError, nearest, shown
+from grasp_factory.errors import ConfigError, did_you_mean, shown
 
 R = TypeVar("R")
 
@@ -43,7 +43,7 @@ def from_plain(cls: type[R], data: Any, where: str = "") -> R:
     for key in data:
         if key not in hints:
             raise ConfigError(
-                f"unknown key {shown(_join(where, str(key)))}{nearest(str(key), hints)}"
+                f"unknown key {shown(_join(where, str(key)))}{did_you_mean(str(key), hints)}"
                 f" (valid: {', '.join(hints) or 'none'})"
             )
     values = {key: _convert(hints[key], item, _join(where, key)) for key, item in data.items()}

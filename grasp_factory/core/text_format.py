@@ -1,4 +1,4 @@
-"""Text for people: tables, numbers, rates, sizes and times."""
+"""Text for people: tables, escaped text, numbers, rates, sizes and times."""
 
 from __future__ import annotations
 
@@ -18,6 +18,14 @@ def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
         for row in cells
     ]
     return "\n".join(lines)
+
+
+def escaped(text: str) -> str:
+    """Return a text whose unprintable characters, which a terminal may obey, are escape codes."""
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii")
+        for c in text
+    )
 
 
 def bar(share: float, width: int) -> str:

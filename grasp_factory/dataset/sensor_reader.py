@@ -18,7 +18,7 @@ from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import StoreError, UsageError, lookup
 from grasp_factory.signals.grasp_crop import CropShape, GraspCrop, grasp_crop
 from grasp_factory.signals.noise import EpisodeNoise
-from grasp_factory.signals.point_cloud import FRAMES, PointCloud, joined, labels_of, visible_cloud
+from grasp_factory.signals.point_cloud import FRAMES, PointCloud, joined, label_mask, visible_cloud
 from grasp_factory.writers.zarr.array_reader import StoredArray
 
 IMAGES = ("rgb", "depth", "segmentation")
@@ -103,7 +103,7 @@ class Readings:
     ) -> PointCloud:
         """Return what cameras see of a row's scene, as points; see ``Dataset.point_cloud``."""
         lookup(FRAMES, "frame", in_frame)
-        shown = labels_of(part, self._config.clutter.count)
+        shown = label_mask(part, self._config.clutter.count)
         cameras = list(self._images) if camera is None else [camera]
         if in_frame == "camera" and len(cameras) > 1:
             valid = " or ".join(f"camera={name!r}" for name in cameras)

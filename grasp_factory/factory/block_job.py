@@ -166,7 +166,7 @@ def block_range(block: int, block_size: int, length: int) -> range:
     return range(block * block_size, min((block + 1) * block_size, length))
 
 
-def rows_of(request: Request) -> NDArray[np.int64]:
+def shard_rows(request: Request) -> NDArray[np.int64]:
     """Return the rows of a request's part of its store, ascending."""
     rows = np.arange(request.n)
     return np.asarray(rows[request.shard.has(rows // request.config.block_size)])

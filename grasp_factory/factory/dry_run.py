@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory import embedded_assets
-from grasp_factory.factory.block_job import Made, rows_of
+from grasp_factory.factory.block_job import Made, shard_rows
 from grasp_factory.factory.executors import JOBS_PER_PROCESS, Executor, make_executor
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.pilot_blocks import (
@@ -98,7 +98,7 @@ def forecast(
     check_platform(request)
     there = len(Dataset.open(request.out)) if (target / "zarr.json").exists() else 0
     length = max(there, request.n)
-    missing, part = _missing(request, there, length), rows_of(request)
+    missing, part = _missing(request, there, length), shard_rows(request)
     wanted = np.intersect1d(missing, part, assume_unique=True)
     counts = np.unique(missing // size, return_counts=True)
     touched = set((wanted // size).tolist())

@@ -19,7 +19,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import StoreSummary, summarise
 from grasp_factory.errors import StoreBusyError, StoreError
 from grasp_factory.factory import embedded_assets
-from grasp_factory.factory.block_job import Begun, BlockJob, BlockMaker, Committed, Made, rows_of
+from grasp_factory.factory.block_job import Begun, BlockJob, BlockMaker, Committed, Made, shard_rows
 from grasp_factory.factory.executors import ProcessExecutor, make_executor
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.resume import check_platform, warn_of_other_versions
@@ -132,7 +132,7 @@ def generate(
     with saying_how_to_go_on(), _lock(request) as lock, RunLog(target, request) as log:
         check_platform(request)
         if lock.is_alone:
-            facts, files = facts_of(config, robot), embedded_assets.packed(config)
+            facts, files = origin_attributes(config, robot), embedded_assets.packed(config)
             prepare_store(path, config, len(robot.arm_joints), request.n, facts, carried=files)
             lock.share()
         plan = _plan(request)
@@ -161,7 +161,7 @@ def generate(
         return _summary(request, plan, time.monotonic() - start)
 
 
-def facts_of(config: FactoryConfig, robot: RobotModel) -> dict[str, Any]:
+def origin_attributes(config: FactoryConfig, robot: RobotModel) -> dict[str, Any]:
     """Return root attributes of a store that is begun here: the robot's facts, the fingerprint."""
     return {"robot": robot.facts(), FINGERPRINT: fingerprint(config).parts()}
 
@@ -199,7 +199,7 @@ def _plan(request: Request) -> RunPlan:
             " runs with --shard are at work on it; wait for them"
         )
     missing = missing_rows(request.out, quarantined=request.retry_quarantined)
-    part = rows_of(request)
+    part = shard_rows(request)
     wanted = np.intersect1d(missing, part, assume_unique=True)
     blocks = np.unique(wanted // size)
     return RunPlan(
@@ -215,7 +215,7 @@ def _plan(request: Request) -> RunPlan:
 
 
 def _summary(request: Request, plan: RunPlan, seconds: float) -> Summary:
-    rows, columns = rows_of(request), Columns.open(request.out)
+    rows, columns = shard_rows(request), Columns.open(request.out)
     bad = rows[columns.read("status")["status"][rows] == QUARANTINED]
     reasons = {int(i): str(columns.read_rows("error", i, i + 1)[0]) for i in bad}
     return Summary(

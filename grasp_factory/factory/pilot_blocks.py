@@ -20,7 +20,7 @@ from grasp_factory.dataset.summary import StoreSummary, summarise
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, BlockMaker, Committed, Made
 from grasp_factory.factory.executors import Executor, SendMessage
-from grasp_factory.factory.generate import facts_of
+from grasp_factory.factory.generate import origin_attributes
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.run_request import Request
 from grasp_factory.writers.zarr.files import cannot_write, locate
@@ -94,7 +94,7 @@ def run_pilot_blocks(
     with _place_beside(request.out) as place:
         store, begun = place / "pilots.zarr", time.monotonic()
         robot = check_names(config)
-        facts, files = facts_of(config, robot), embedded_assets.packed(config)
+        facts, files = origin_attributes(config, robot), embedded_assets.packed(config)
         prepare_store(store, config, len(robot.arm_joints), length, facts, carried=files)
         prepared = time.monotonic()
         empty_bytes = summarise(Dataset.open(store)).bytes

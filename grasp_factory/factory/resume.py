@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from grasp_factory.core.platforms import ACCEPT, difference, fingerprint_of
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, StoreMismatchError
-from grasp_factory.factory.block_job import rows_of
+from grasp_factory.factory.block_job import shard_rows
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.fingerprint import fingerprint
 from grasp_factory.writers.zarr.files import locate
@@ -47,7 +47,7 @@ def check_platform(request: Request) -> None:
 
 def rows_to_make(request: Request) -> NDArray[np.int64]:
     """Return the rows of a request's part of its store, which is there, that are to be made."""
-    part, length = rows_of(request), len(Dataset.open(request.out))
+    part, length = shard_rows(request), len(Dataset.open(request.out))
     missing = missing_rows(request.out, quarantined=request.retry_quarantined)
     return part[np.isin(part, missing) | (part >= length)]
 

@@ -21,7 +21,7 @@ from grasp_factory.core.config.physics import PHYSICS_PRESETS
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
 from grasp_factory.core.config.yaml_loader import parse_yaml
 from grasp_factory.core.serialization import check, check_range, is_integer, sections_of, to_plain
-from grasp_factory.errors import ConfigError, lookup, nearest, shown
+from grasp_factory.errors import ConfigError, did_you_mean, lookup, shown
 
 MAX_EPISODES = 1_000_000
 MAX_WORKERS = 512
@@ -163,7 +163,7 @@ def resolve_request(
 def _check_key(key: str) -> None:
     valid = (*RUN_KEYS, *CONFIG_KEYS)
     if key not in valid:
-        hint = nearest(key, valid)
+        hint = did_you_mean(key, valid)
         raise ConfigError(f"unknown key {shown(key)}{hint} (valid: {', '.join(valid)})")
 
 

@@ -53,7 +53,7 @@ def visible_cloud(image: CameraImage, far: float, shown: NDArray[np.bool_]) -> P
     Args:
         image: What the camera sees. A depth of 0, NaN or infinity is none.
         far: Metres: depths from here on are nothing seen.
-        shown: Whether to take a label, by its value, (256,); see ``labels_of``.
+        shown: Whether to take a label, by its value, (256,); see ``label_mask``.
     """
     depth = image.depth
     has_depth = (depth > 0.0) & (depth < far * FAR_SHARE)
@@ -75,7 +75,7 @@ def joined(clouds: Sequence[PointCloud]) -> PointCloud:
     )
 
 
-def labels_of(name: str, objects: int) -> NDArray[np.bool_]:
+def label_mask(name: str, objects: int) -> NDArray[np.bool_]:
     """Return whether a label belongs to a part of the scene, by its value, (256,).
 
     Args:

@@ -20,7 +20,7 @@ from support.helpers import tree
 
 from grasp_factory.apps.active_learning import ARMS, FlywheelSettings, learning, run_rounds
 from grasp_factory.apps.active_learning.journal import FILE, Journal
-from grasp_factory.apps.active_learning.judging import Judge, mistakes_of, object_mean
+from grasp_factory.apps.active_learning.judging import Judge, mistakes_of
 from grasp_factory.apps.active_learning.learning import (
     TrainingSet,
     held_out_examples,
@@ -33,7 +33,7 @@ from grasp_factory.apps.active_learning.stores import StoreFacts, complete, make
 from grasp_factory.apps.active_learning.text import flywheel_text
 from grasp_factory.apps.learning import scores
 from grasp_factory.apps.learning.examples import Examples
-from grasp_factory.apps.learning.scores import Estimate
+from grasp_factory.apps.learning.scores import Estimate, object_mean
 from grasp_factory.apps.learning.watching import unwatched
 from grasp_factory.cli import progress
 from grasp_factory.core.cache import VARIABLE

@@ -19,7 +19,7 @@ from grasp_factory import FactoryConfig, generate
 from grasp_factory.apps.learning.comparison import Course, compare, read_splits, train_on
 from grasp_factory.apps.learning.curve import Steps, learning_curve
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
-from grasp_factory.apps.learning.report import report_of, report_text
+from grasp_factory.apps.learning.report import report_of, training_report_text
 from grasp_factory.apps.learning.scores import FIGURES, Bootstrap, auc, calibration_error
 from grasp_factory.apps.learning.training import TrainSettings, cross_entropy, fit
 from grasp_factory.apps.learning.trivial import majority, pose_only
@@ -280,7 +280,7 @@ def test_a_comparison_has_every_baseline_on_its_population(stores: tuple[Path, P
     assert len(lifts.success) < len(attempts.success)
     for scores in attempts.scores.values():
         assert scores["auc"].low <= scores["auc"].value <= scores["auc"].high
-    text = report_text(report_of(found, {}))
+    text = training_report_text(report_of(found, {}))
     assert "AUC of both over vision_lifts on lifts" in text
     assert max(len(line) for line in text.splitlines()) < 120
 

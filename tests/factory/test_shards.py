@@ -56,7 +56,8 @@ def test_a_part_that_is_none_is_refused(text: str) -> None:
 @given(st.integers(1, 50), st.integers(1, 9))
 def test_the_parts_of_a_request_are_disjoint_and_are_all(n: int, count: int) -> None:
     parts = [
-        block_job.rows_of(Request(config=CONFIG, n=n, shard=Shard(i, count))) for i in range(count)
+        block_job.shard_rows(Request(config=CONFIG, n=n, shard=Shard(i, count)))
+        for i in range(count)
     ]
     assert sorted(row for part in parts for row in part.tolist()) == list(range(n))
 

@@ -28,7 +28,7 @@ from grasp_factory.objects.importing import (
     ImportedObject,
     Refusal,
     import_folder,
-    report_text,
+    import_report_text,
     worker,
 )
 from grasp_factory.objects.importing import child as child_module
@@ -448,7 +448,7 @@ class TestReport:
     )
 
     def test_a_report_is_a_table_of_what_is_used_and_a_list_of_what_is_not(self) -> None:
-        assert report_text(self.REPORT).splitlines() == [
+        assert import_report_text(self.REPORT).splitlines() == [
             "1 usable, 1 refused",
             "",
             "  object          size, mm  mass, g  parts  split",
@@ -462,11 +462,11 @@ class TestReport:
     def test_a_long_name_is_cut_in_the_table(self) -> None:
         item = dataclasses.replace(self.REPORT.usable[0], object_id="x" * 300)
         report = dataclasses.replace(self.REPORT, usable=(item,))
-        assert "  " + "x" * 59 + "…  30 x 50 x 70" in report_text(report)
+        assert "  " + "x" * 59 + "…  30 x 50 x 70" in import_report_text(report)
 
     def test_an_empty_report_is_one_line(self) -> None:
         empty = dataclasses.replace(self.REPORT, usable=(), refused=())
-        assert report_text(empty) == "0 usable, 0 refused"
+        assert import_report_text(empty) == "0 usable, 0 refused"
 
 
 class TestNasty:
@@ -513,7 +513,7 @@ def check(folder: Path, world: World, expected: dict[str, bool]) -> FolderReport
     assert {file: file in used for file in expected} == expected
     assert set(expected) <= used | set(refused)
     assert all(refused.values())
-    text = report_text(report)
+    text = import_report_text(report)
     assert all(line.isprintable() for line in text.split("\n"))
     for item in load_folder("mine", report.sha256).models.values():
         assert fall(world, item) > 0.0, item.object_id

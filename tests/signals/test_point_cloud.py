@@ -33,14 +33,14 @@ from grasp_factory.signals.point_cloud import (
     FRAMES,
     PointCloud,
     joined,
-    labels_of,
+    label_mask,
     visible_cloud,
 )
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr.store import prepare_store
 
 FAR = 5.0
-EVERYTHING = labels_of("scene", 1)
+EVERYTHING = label_mask("scene", 1)
 
 
 def image_of_the_table(eye: Array, target: Array, size: tuple[int, int] = (40, 30)) -> CameraImage:
@@ -84,7 +84,7 @@ def test_a_point_lies_at_its_pixel_and_has_its_colour_and_label(
 ) -> None:
     image = image_of_the_table(eye, target)
     words = data.draw(st.sampled_from(["scene", "objects", "target", "table", "object_1"]))
-    shown = labels_of(words, 2)
+    shown = label_mask(words, 2)
     cloud = visible_cloud(image, FAR, shown)
     seen = (image.depth < FAR * FAR_SHARE) & shown[image.segmentation]
     pixels = project(apply(inverse(image.T_world_camera), cloud.points), image.intrinsics)
@@ -110,7 +110,7 @@ def test_pixels_without_a_depth_have_no_point(data: st.DataObject) -> None:
 
 def test_the_parts_of_a_scene_are_its_labels() -> None:
     def values(name: str, objects: int) -> list[int]:
-        return np.flatnonzero(labels_of(name, objects)).tolist()
+        return np.flatnonzero(label_mask(name, objects)).tolist()
 
     assert values("target", 1) == values("objects", 1) == [Label.TARGET]
     assert values("objects", 3) == [Label.TARGET, 6, 7]
@@ -118,7 +118,7 @@ def test_the_parts_of_a_scene_are_its_labels() -> None:
     assert values("gripper", 3) == [Label.GRIPPER]
     assert values("scene", 3) == list(range(256))
     with pytest.raises(UnknownNameError) as caught:
-        labels_of("objcts", 2)
+        label_mask("objcts", 2)
     assert str(caught.value) == (
         "unknown part of the scene 'objcts'; did you mean 'objects'?"
         " (valid: arm, floor, gripper, object_1, objects, scene, table, target)"

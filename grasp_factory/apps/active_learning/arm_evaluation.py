@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.apps.active_learning.judging import object_mean
 from grasp_factory.apps.active_learning.stores import StoreFacts
-from grasp_factory.apps.learning.scores import Estimate
+from grasp_factory.apps.learning.scores import Estimate, object_mean
 from grasp_factory.dataset.dataset import Dataset
 
 

@@ -6,16 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from grasp_factory.apps.learning.examples import Examples
 from grasp_factory.apps.learning.scores import (
     FIGURES,
     RANGE,
-    RESAMPLES,
     Bootstrap,
     Estimate,
     interval,
+    object_mean,
 )
 from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
 from grasp_factory.core.geometry import Array
@@ -119,20 +118,3 @@ def mistakes_of(dataset: Dataset) -> Mistakes | None:
         sure=int(sure.sum()),
         wrong_when_sure=object_mean(wrong[sure], objects[sure]) if sure.any() else None,
     )
-
-
-def object_mean(values: NDArray[np.generic], object_id: NDArray[np.str_]) -> Estimate:
-    """Return the mean of episodes' values (K,), with an interval over resampled objects.
-
-    Args:
-        values: Numbers or truth values, at least one.
-        object_id: Of each episode, (K,).
-    """
-    numbers = values.astype(np.float64)
-    names, place = np.unique(object_id, return_inverse=True)
-    sums = np.bincount(place, numbers, len(names))
-    counts = np.bincount(place, minlength=len(names))
-    share = np.full(len(names), 1.0 / len(names))
-    times = np.random.default_rng(0).multinomial(len(names), share, size=RESAMPLES)
-    drawn = (times @ sums) / (times @ counts)
-    return interval(float(numbers.mean()), drawn, float(numbers.min()), float(numbers.max()))

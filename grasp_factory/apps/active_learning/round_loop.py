@@ -29,7 +29,7 @@ from grasp_factory.apps.active_learning.learning import (
 from grasp_factory.apps.active_learning.plot import picture_of
 from grasp_factory.apps.active_learning.rounds import ArmState, Choice, ModelFacts, Round, gains_of
 from grasp_factory.apps.active_learning.settings import ARMS, FlywheelSettings
-from grasp_factory.apps.active_learning.stores import Make, complete, facts_of, make_quietly
+from grasp_factory.apps.active_learning.stores import Make, complete, make_quietly, store_facts
 from grasp_factory.apps.learning.scores import LEVEL, RESAMPLES
 from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -100,7 +100,7 @@ class _Flywheel:
         self._judge = Judge(held_out)
         self._found: dict[str, Any] = {
             "evaluation": {
-                "store": facts_of(folder, self._evaluation),
+                "store": store_facts(folder, self._evaluation),
                 "examples": len(held_out),
                 "objects": len(np.unique(held_out.object_id)),
                 "successes": int(held_out.success.sum()),
@@ -146,7 +146,7 @@ class _Flywheel:
         return self._stand(number, self._folder / arm, parts, choice)
 
     def _lessons(self, dataset: Dataset) -> TrainingSet:
-        return lessons_of(dataset, facts_of(self._folder, dataset), self._watch)
+        return lessons_of(dataset, store_facts(self._folder, dataset), self._watch)
 
     def _stand(
         self, number: int, place: Path, parts: tuple[TrainingSet, ...], choice: Choice | None
@@ -198,7 +198,7 @@ class _Flywheel:
         arms = {
             arm: Tried(
                 model_sha256=last[arm],
-                store=facts_of(self._folder, dataset),
+                store=store_facts(self._folder, dataset),
                 success=success_of(dataset),
             )
             for arm, dataset in made.items()

@@ -69,7 +69,7 @@ def _check_platform(path: Path, config: FactoryConfig) -> None:
         )
 
 
-def facts_of(folder: Path, dataset: Dataset) -> StoreFacts:
+def store_facts(folder: Path, dataset: Dataset) -> StoreFacts:
     """Return what is remembered of a store in a flywheel's folder."""
     rows = dataset.committed
     digest = hashlib.sha256()

@@ -8,7 +8,7 @@ from typing import Any
 from grasp_factory.apps.active_learning.arm_evaluation import ArmEvaluation
 from grasp_factory.apps.active_learning.judging import SURE
 from grasp_factory.apps.active_learning.rounds import Round, SelectionGain
-from grasp_factory.apps.learning.report import shown
+from grasp_factory.apps.learning.report import estimate_text
 from grasp_factory.apps.learning.scores import Estimate
 from grasp_factory.core.text_format import count, percent, table
 
@@ -37,8 +37,8 @@ def _turns(arms: Mapping[str, Sequence[Round]]) -> str:
     cells = [
         (
             turn.round, arm, turn.episodes, percent(turn.store.successes / turn.store.episodes),
-            shown(turn.scores["auc"]), shown(turn.scores["average_precision"]),
-            shown(turn.scores["calibration_error"]),
+            estimate_text(turn.scores["auc"]), estimate_text(turn.scores["average_precision"]),
+            estimate_text(turn.scores["calibration_error"]),
         )
         for arm, turn in sorted(rows, key=lambda row: row[1].round)
     ]  # fmt: skip
@@ -71,7 +71,11 @@ def _mistakes(arms: Mapping[str, Sequence[Round]]) -> str:
 
 def _gains(gains: Sequence[SelectionGain]) -> str:
     cells = [
-        (gain.round, gain.episodes, *(shown(gain.scores[name], sign=True) for name in _COMPARED))
+        (
+            gain.round,
+            gain.episodes,
+            *(estimate_text(gain.scores[name], sign=True) for name in _COMPARED),
+        )
         for gain in gains
     ]
     return table([("round", "episodes", *_COMPARED.values()), *cells], right=(0, 1))

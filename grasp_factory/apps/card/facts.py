@@ -1,4 +1,4 @@
-"""All that a card says of a store, counted from one reading of its columns."""
+"""The facts of a store that a card shows, counted from one reading of its columns."""
 
 from __future__ import annotations
 
@@ -14,11 +14,18 @@ from grasp_factory.apps.card.table import NOT_IN_TABLE, Kind, TableColumn, colum
 from grasp_factory.core import schema
 from grasp_factory.core.enums import Outcome, names
 from grasp_factory.core.splits import SPLITS
+from grasp_factory.dataset.counts import (
+    count_outcomes,
+    count_platforms,
+    count_scores,
+    count_statuses,
+    most_frequent_first,
+)
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.dataset.summary import platforms_of
 from grasp_factory.errors import StoreError, UsageError
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.sizes import store_bytes
+from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 GROUPED = ("split", "policy", "object_set", "object_family")
 """Columns whose words the card counts, if the store has them."""
@@ -60,12 +67,12 @@ class CardFacts:
     """By column of ``GROUPED``; the splits in their order, others with the most episodes first."""
     outcomes: Mapping[str, int]
     """Those that occur, in their fixed order."""
-    quality: Mapping[int, int]
-    """Episodes by score, the best first; none for stores from before there were scores."""
-    reasons: tuple[tuple[str, int], ...]
+    quality: Mapping[str, int]
+    """Episodes by score, the best first; empty for stores that are older than scores."""
+    reasons: Mapping[str, int]
     """Why rows are quarantined, and how many: the most frequent first."""
     platforms: Mapping[str, int]
-    """Rows by the fingerprint that they tell, the most frequent first."""
+    """Rows by their fingerprint, the most frequent first."""
     labels: tuple[AddedLabel, ...]
     table: tuple[TableColumn, ...]
     """The episodes; see ``table``."""
@@ -91,7 +98,7 @@ def read_facts(dataset: Dataset) -> CardFacts:
     # At once: another process may be adding rows, and all columns must have the same ones.
     read = columns.read("status", *wanted)
     status = read.pop("status")
-    made = np.flatnonzero(status == 1)
+    made = np.flatnonzero(status == COMMITTED)
     if not len(made):
         what = f"{dataset.path} has no episodes to describe"
         raise UsageError(f"{what}: `grasp-factory generate --out {dataset.path}` makes some")
@@ -105,12 +112,11 @@ def read_facts(dataset: Dataset) -> CardFacts:
     )
     values = {column.name: column.values for column in own}
     success, objects = values["success"], values["object_id"]
-    outcomes = np.bincount(values["outcome"], minlength=len(Outcome))
-    scores = np.unique(values["quality"], return_counts=True) if "quality" in values else ((), ())
+    missing, _, quarantined = count_statuses(status)
     return CardFacts(
         rows=len(status),
-        quarantined=int(np.sum(status == 2)),
-        missing=int(np.sum(status == 0)),
+        quarantined=quarantined,
+        missing=missing,
         bytes=store_bytes(columns),
         total=_group("", success, objects),
         groups={
@@ -118,9 +124,9 @@ def read_facts(dataset: Dataset) -> CardFacts:
             for name in GROUPED
             if name in values
         },
-        outcomes={w: int(n) for w, n in zip(names(Outcome), outcomes, strict=False) if n},
-        quality={int(s): int(n) for s, n in zip(*(x[::-1] for x in scores), strict=True)},
-        reasons=_reasons(columns, np.flatnonzero(status == 2)),
+        outcomes=count_outcomes(values["outcome"]),
+        quality=count_scores(values["quality"]) if "quality" in values else {},
+        reasons=_reasons(columns, np.flatnonzero(status == QUARANTINED)),
         platforms=_platforms(columns),
         labels=labels,
         table=(row, *own, *label_columns),
@@ -153,17 +159,17 @@ def _group(word: str, success: NDArray[np.bool_], objects: NDArray[Any]) -> Grou
     )
 
 
-def _reasons(columns: Columns, rows: NDArray[np.int64]) -> tuple[tuple[str, int], ...]:
+def _reasons(columns: Columns, rows: NDArray[np.int64]) -> dict[str, int]:
     if "error" not in columns.names:
-        return ()
+        return {}
     found = Counter(str(columns.read_rows("error", i, i + 1)[0]) for i in rows.tolist())
-    return tuple(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+    return most_frequent_first(found)
 
 
 def _platforms(columns: Columns) -> dict[str, int]:
     if "fingerprint" not in columns.names:
         return {}
-    return platforms_of(columns.read("fingerprint")["fingerprint"].tolist())
+    return count_platforms(columns.read("fingerprint")["fingerprint"].tolist())
 
 
 def _labels(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
+from grasp_factory.core.text_format import escaped
+
 _PLAIN = re.compile(r"[A-Za-z0-9_./-]+(?: [A-Za-z0-9_./-]+)*")
 _SPECIAL = frozenset("\\`*_[]<>#|&~$!@^:")
 """What Markdown, HTML or the renderers' extras give a meaning."""
@@ -55,11 +57,7 @@ def details(summary: str, body: str) -> str:
 
 def _visible(text: str) -> str:
     """Return a text of one line: what cannot be printed is spelled out."""
-    line = " ".join(text.split())
-    return "".join(
-        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii")
-        for c in line
-    )
+    return escaped(" ".join(text.split()))
 
 
 def _entity(character: str) -> str:

@@ -156,7 +156,7 @@ def _counts(contents: Contents) -> Iterator[str]:
             f"{count(facts.quarantined, 'row')} of {facts.rows} hold no episode: only the recipe"
             " and the reason are kept. They are not in the counts above."
         )
-        reasons = [(n, word(reason[:300])) for reason, n in facts.reasons]
+        reasons = [(n, word(reason[:300])) for reason, n in facts.reasons.items()]
         yield table(("rows", "reason"), _most(reasons), (0,))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from grasp_factory.apps.learning.comparison import Course, population_of, read_splits, train_on
 from grasp_factory.apps.learning.examples import Examples
-from grasp_factory.apps.learning.report import shown
+from grasp_factory.apps.learning.report import estimate_text
 from grasp_factory.apps.learning.scores import LEVEL, RANGE, Bootstrap, Estimate, auc, interval
 from grasp_factory.apps.learning.trivial import pose_only
 from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
@@ -119,7 +119,7 @@ def curve_text(curve: Curve) -> str:
     names = list(curve.auc)
     rows = [["episodes", *(f"AUC of {name}" for name in names)]]
     for i, size in enumerate(curve.sizes):
-        rows.append([str(size), *(shown(curve.auc[name][i]) for name in names)])
+        rows.append([str(size), *(estimate_text(curve.auc[name][i]) for name in names)])
     lines = ["".join(f"{cell:<26}" for cell in row).rstrip() for row in rows]
     about = (
         f"on {curve.test_episodes} held-out episodes of {curve.test_objects} objects; mean of"

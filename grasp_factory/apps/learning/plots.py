@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from sklearn.metrics import roc_curve
 
 from grasp_factory.apps.learning.comparison import Population
-from grasp_factory.apps.learning.report import shown
+from grasp_factory.apps.learning.report import estimate_text
 from grasp_factory.apps.learning.scores import Estimate
 
 COLORS: Mapping[str, str] = {
@@ -34,7 +34,7 @@ def plot_roc(path: Path, populations: Mapping[str, Population]) -> None:
         for ax, (name, found) in zip(axes, populations.items(), strict=True):
             for predictor, p in found.probabilities.items():
                 false, true, _ = roc_curve(found.success, p)
-                auc = shown(found.scores[predictor]["auc"])
+                auc = estimate_text(found.scores[predictor]["auc"])
                 ax.plot(false, true, color=COLORS[predictor], label=f"{predictor}: {auc}")
             ax.set(title=name, xlabel="false positive rate", ylabel="true positive rate")
             ax.set_aspect("equal")
@@ -50,7 +50,7 @@ def plot_calibration(path: Path, populations: Mapping[str, Population]) -> None:
                 order = np.array_split(np.argsort(p, kind="stable"), BINS)
                 said = [p[rows].mean() for rows in order if len(rows)]
                 held = [found.success[rows].mean() for rows in order if len(rows)]
-                error = shown(found.scores[predictor]["calibration_error"])
+                error = estimate_text(found.scores[predictor]["calibration_error"])
                 label = f"{predictor}: {error}"
                 ax.plot(said, held, marker="o", color=COLORS[predictor], label=label)
             ax.set(title=name, xlabel="predicted probability", ylabel="share that held")

@@ -53,7 +53,7 @@ def report_of(comparison: Comparison, about: Mapping[str, Any]) -> dict[str, Any
     }
 
 
-def report_text(report: Mapping[str, Any]) -> str:
+def training_report_text(report: Mapping[str, Any]) -> str:
     """Return a report as tables, one for each population, and the gains."""
     lines = []
     for name, found in report["populations"].items():
@@ -65,17 +65,17 @@ def report_text(report: Mapping[str, Any]) -> str:
             _row("", *(HEADINGS[figure] for figure in FIGURES)),
         ]
         for predictor, scores in found["scores"].items():
-            lines.append(_row(predictor, *(shown(scores[figure]) for figure in FIGURES)))
+            lines.append(_row(predictor, *(estimate_text(scores[figure]) for figure in FIGURES)))
         lines.append("")
     for gain in report["gains"]:
         lines.append(
             f"AUC of {gain['of']} over {gain['over']} on {gain['population']}:"
-            f" {shown(gain['auc'], sign=True)}"
+            f" {estimate_text(gain['auc'], sign=True)}"
         )
     return "\n".join([*lines, f"in brackets: {report['intervals']}"])
 
 
-def shown(estimate: Estimate | Mapping[str, float], *, sign: bool = False) -> str:
+def estimate_text(estimate: Estimate | Mapping[str, float], *, sign: bool = False) -> str:
     """Return ``0.912 (0.897 to 0.926)``."""
     plain = to_plain(estimate)
     form = "+.3f" if sign else ".3f"

@@ -95,13 +95,11 @@ class Bootstrap:
         Args:
             success: Labels (K,), of both classes.
             object_id: Of each episode, (K,).
-            seed: What is drawn from.
+            seed: Of the resamples.
         """
         self._success = success
         names, episode_object = np.unique(object_id, return_inverse=True)
-        drawn = np.random.default_rng(seed).integers(len(names), size=(RESAMPLES, len(names)))
-        counts = np.array([np.bincount(row, minlength=len(names)) for row in drawn])
-        weight = counts[:, episode_object].astype(np.float64)
+        weight = object_resamples(len(names), seed)[:, episode_object].astype(np.float64)
         good = weight @ success
         self._weight = weight[(good > 0.0) & (good < weight.sum(axis=1))]  # others have no AUC
 
@@ -133,6 +131,28 @@ class Bootstrap:
         picks = np.random.default_rng(0).integers(len(answers), size=each.shape)
         whole = float(np.mean([self.whole(figure, p) for p in answers]))
         return whole, np.take_along_axis(each, picks, axis=0).mean(axis=0)
+
+
+def object_resamples(count: int, seed: int) -> NDArray[np.int64]:
+    """Return how often each of ``count`` objects is drawn in each resample, (RESAMPLES, count)."""
+    drawn = np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
+    return np.array([np.bincount(row, minlength=count) for row in drawn])
+
+
+def object_mean(values: NDArray[np.generic], object_id: NDArray[np.str_]) -> Estimate:
+    """Return the mean of episodes' values (K,), with an interval over resampled objects.
+
+    Args:
+        values: Numbers or truth values, at least one.
+        object_id: Of each episode, (K,).
+    """
+    numbers = values.astype(np.float64)
+    names, place = np.unique(object_id, return_inverse=True)
+    sums = np.bincount(place, numbers, len(names))
+    counts = np.bincount(place, minlength=len(names))
+    times = object_resamples(len(names), seed=0)
+    drawn = (times @ sums) / (times @ counts)
+    return interval(float(numbers.mean()), drawn, float(numbers.min()), float(numbers.max()))
 
 
 def interval(

@@ -31,7 +31,7 @@ from grasp_factory.errors import ConfigError, GraspFactoryError
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, Made
 from grasp_factory.factory.executors import Executor, ProcessExecutor
-from grasp_factory.factory.generate import facts_of
+from grasp_factory.factory.generate import origin_attributes
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.retry_policy import Losses
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S
@@ -119,7 +119,7 @@ class RepairSession:
         if has_config(self._path):
             left = read_document(place)[0]["attributes"]
             config = FactoryConfig.from_plain(left["config"])
-            more = facts_of(config, check_names(config))
+            more = origin_attributes(config, check_names(config))
             more |= {key: left[key] for key in (SOURCES,) if key in left}
             with self._template(config, root_attributes(config, more), rows=0) as template:
                 made = read_document(template.path / FILE)[0]["attributes"]

@@ -11,7 +11,7 @@ from typing import Any
 from grasp_factory import __version__
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.curation.verify.length import rows_of
+from grasp_factory.curation.verify.length import document_rows
 from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, shown
 from grasp_factory.writers.zarr import layout
@@ -110,7 +110,7 @@ def length_problems(documents: Mapping[str, Any], rows: int) -> list[Problem]:
             what=f"{shown(document.get('shape', [])[:1])} rows, the store has {rows}",
         )
         for name, document in documents.items()
-        if rows_of(document) != rows
+        if document_rows(document) != rows
     ]
 
 

@@ -26,7 +26,7 @@ _OF_EVERY_ROW = (
 """Columns that have another value than their fill in each row that was made."""
 
 
-def rows_of(document: Any) -> int | None:
+def document_rows(document: Any) -> int | None:
     """Return an array's number of rows, which the seal leaves out, so it may be anything."""
     shape = document.get("shape") if isinstance(document, dict) else None
     rows: Any = shape[0] if isinstance(shape, list) and shape else None
@@ -35,7 +35,7 @@ def rows_of(document: Any) -> int | None:
 
 def most_rows(documents: Iterable[Any]) -> int | None:
     """Return the number of rows that most arrays have, by their ``zarr.json``; None without any."""
-    counts = Counter(rows for rows in map(rows_of, documents) if rows is not None)
+    counts = Counter(rows for rows in map(document_rows, documents) if rows is not None)
     return counts.most_common(1)[0][0] if counts else None
 
 
@@ -56,7 +56,7 @@ def number_of_rows(
         StoreError: if it cannot be told.
     """
     of_blocks = [field for field in fields.values() if not field.is_video]
-    files = Counter(block for field in of_blocks for block in _numbers(path, field))
+    files = Counter(block for field in of_blocks for block in _block_numbers(path, field))
     believed = [block for block, count in files.items() if 2 * count > len(of_blocks)]
     if told is None and not believed:
         what = "no array's zarr.json tells the number of rows, and there are no files of blocks"
@@ -76,7 +76,7 @@ def number_of_rows(
     return told
 
 
-def _numbers(path: Path, field: Field) -> Iterator[int]:
+def _block_numbers(path: Path, field: Field) -> Iterator[int]:
     """Give the numbers of the blocks of which a field has a file."""
     tail = ".0" * len(field.dims)
     folder = path / field.path

@@ -11,6 +11,7 @@ from typing import Any
 
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.annotations.records import Annotation, Change
+from grasp_factory.dataset.counts import most_frequent_first
 
 COLUMNS = ("row", "tags", "note", "quality", "outcome", "marks", "changed", "by")
 HISTORY = Change.__slots__
@@ -19,7 +20,7 @@ HISTORY = Change.__slots__
 def tag_counts(annotations: Iterable[Annotation]) -> dict[str, int]:
     """Return how many episodes have each tag, the most frequent first."""
     counts = Counter(tag for said in annotations for tag in said.tags)
-    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+    return most_frequent_first(counts)
 
 
 def summary(annotations: Sequence[Annotation]) -> dict[str, int]:

@@ -38,7 +38,7 @@ def found_ids(
     return found
 
 
-def number_of_rows(connection: sqlite3.Connection) -> int:
+def count_rows(connection: sqlite3.Connection) -> int:
     """Return how many rows an index has."""
     count: int = connection.execute("SELECT count(*) FROM episodes").fetchone()[0]
     return count
@@ -47,7 +47,7 @@ def number_of_rows(connection: sqlite3.Connection) -> int:
 def count_found(connection: sqlite3.Connection, query: Query, facts: SharedColumns) -> int:
     """Return how many rows a query finds."""
     found = found_ids(connection, query, facts)
-    return number_of_rows(connection) if found is None else len(found)
+    return count_rows(connection) if found is None else len(found)
 
 
 def in_order(
@@ -57,7 +57,7 @@ def in_order(
     by = order(query, facts)
     if found is None:
         return _walk(connection, by, Clause("1"))
-    if len(found) * FEW < number_of_rows(connection):
+    if len(found) * FEW < count_rows(connection):
         if not query.sort:
             return iter(sorted(found))
         some = Clause("id IN (SELECT value FROM json_each(?))", (json.dumps(list(found)),))
@@ -76,7 +76,7 @@ def some_in_order(
     """Return how many rows a query finds, and the ids of some of them in its order."""
     left_out = _left_out(connection, query, facts)
     found = None if left_out is not None else found_ids(connection, query, facts)
-    total = number_of_rows(connection) - len(left_out or ()) if found is None else len(found)
+    total = count_rows(connection) - len(left_out or ()) if found is None else len(found)
     stop = min(offset + limit, total)  # no step beyond the last one that there is
     if offset >= stop:
         return total, []
@@ -95,7 +95,7 @@ def _left_out(
     """
     if len(query.conditions) != 1 or query.conditions[0].operator == "~":
         return None
-    condition, rows = query.conditions[0], number_of_rows(connection)
+    condition, rows = query.conditions[0], count_rows(connection)
     if condition.operator == "!=":
         clause = condition_clause(dataclasses.replace(condition, operator="="), facts)
         left = _count(connection, clause)

@@ -28,7 +28,7 @@ from grasp_factory.dataset.index.database import (
 )
 from grasp_factory.dataset.index.query import Query
 from grasp_factory.dataset.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
-from grasp_factory.dataset.index.shown import facts_of, rows_of
+from grasp_factory.dataset.index.shown import shared_columns, shown_rows
 from grasp_factory.errors import UsageError, lookup
 
 NEAR = 10_000
@@ -137,7 +137,7 @@ class Index:
             StoreError: if the index is damaged.
         """
         with self._reading() as connection:
-            facts = facts_of(connection)
+            facts = shared_columns(connection)
             known = self._known(connection, query)
             if known is None and offset > NEAR:
                 known = self._ordered(connection, query)
@@ -145,12 +145,12 @@ class Index:
                 total, keys = len(known), known[offset : offset + limit].tolist()
             else:
                 total, keys = some_in_order(connection, query, facts, offset, limit)
-            return Page(total=total, rows=rows_of(connection, keys, facts))
+            return Page(total=total, rows=shown_rows(connection, keys, facts))
 
     def count(self, query: Query) -> int:
         """Return how many rows a query finds."""
         with self._reading() as connection:
-            return count_found(connection, query, facts_of(connection))
+            return count_found(connection, query, shared_columns(connection))
 
     def ids(self, query: Query) -> list[tuple[int, int]]:
         """Return store and row of every row that a query finds, in its order."""
@@ -160,7 +160,7 @@ class Index:
     def row(self, store: int, row: int) -> dict[str, Any] | None:
         """Return one row; None if the index has none of these numbers."""
         with self._reading() as connection:
-            found = rows_of(connection, [row_id(store, row)], facts_of(connection))
+            found = shown_rows(connection, [row_id(store, row)], shared_columns(connection))
             return found[0] if found else None
 
     def neighbours(self, query: Query, store: int, row: int) -> Neighbours:
@@ -187,7 +187,7 @@ class Index:
         """
         found = lookup(BY_NAME, "column", column)
         with self._reading() as connection:
-            return histograms.histogram(connection, found, query, facts_of(connection), bins)
+            return histograms.histogram(connection, found, query, shared_columns(connection), bins)
 
     def words(self, column: str, limit: int = 200) -> list[str]:
         """Return different values of a column of words or tags, sorted.
@@ -198,14 +198,14 @@ class Index:
         """
         found = lookup(BY_NAME, "column", column)
         with self._reading() as connection:
-            return histograms.words(connection, found, facts_of(connection), limit)
+            return histograms.words(connection, found, shared_columns(connection), limit)
 
     def _ordered(self, connection: sqlite3.Connection, query: Query) -> array[int]:
         """Return the ids of all rows that a query finds, in its order."""
         known = self._known(connection, query)
         if known is not None:
             return known
-        keys = all_in_order(connection, query, facts_of(connection))
+        keys = all_in_order(connection, query, shared_columns(connection))
         key = self._key(connection, query)
         with self._lock:
             self._orders[key] = keys

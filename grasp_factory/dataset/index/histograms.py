@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.dataset.index.choosing import found_ids, ids_of, in_order, number_of_rows
+from grasp_factory.dataset.index.choosing import count_rows, found_ids, ids_of, in_order
 from grasp_factory.dataset.index.columns import OF_STORES, IndexColumn
 from grasp_factory.dataset.index.database import quoted
 from grasp_factory.dataset.index.query import Condition, Query, Sort
@@ -128,7 +128,7 @@ def _bins(
     connection: sqlite3.Connection, column: IndexColumn, rows: _Rows, bins: int
 ) -> NumberBins:
     name = quoted(column.name)
-    total = number_of_rows(connection) if rows.found is None else len(rows.found)
+    total = count_rows(connection) if rows.found is None else len(rows.found)
     span = _span(connection, column, rows.found)
     edges = [] if span is None else _edges(column.kind, *span, bins)
     counts, successes = [0] * max(len(edges) - 1, 0), [0] * max(len(edges) - 1, 0)

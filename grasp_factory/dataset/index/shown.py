@@ -12,13 +12,13 @@ from grasp_factory.dataset.index.columns import COLUMNS, OF_ROWS, OF_STORES
 from grasp_factory.dataset.index.database import place_of, quoted
 
 
-def facts_of(connection: sqlite3.Connection) -> dict[int, dict[str, str]]:
+def shared_columns(connection: sqlite3.Connection) -> dict[int, dict[str, str]]:
     """Return what all rows of a store have in common, by its number."""
     found = connection.execute(f"SELECT id, {', '.join(OF_STORES)} FROM stores ORDER BY id")
     return {number: dict(zip(OF_STORES, rest, strict=True)) for number, *rest in found}
 
 
-def rows_of(
+def shown_rows(
     connection: sqlite3.Connection, keys: list[int], facts: sql.SharedColumns
 ) -> list[dict[str, Any]]:
     """Return rows by their ids, in their order, as people see them."""

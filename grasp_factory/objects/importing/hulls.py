@@ -17,7 +17,7 @@ from grasp_factory.objects.importing.tidy import (
     MAX_BODIES,
     bends,
     closed_bodies,
-    labels_of,
+    face_parts,
     without_dust,
 )
 
@@ -83,7 +83,7 @@ def _corners(
         found = _of_bodies(bodies, hulls, room, warnings)
     else:
         large = without_dust(mesh)
-        labels = labels_of(large)
+        labels = face_parts(large)
         if int(labels.max()) >= MAX_BODIES:
             warnings.append("it falls into many pieces, and collides as convex hulls of these")
             return _of_pieces(large, labels, room)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from grasp_factory.core.cache import cache_dir, digest, read, read_checked, write
 from grasp_factory.core.serialization import from_plain, to_plain
+from grasp_factory.core.text_format import escaped
 from grasp_factory.errors import ConfigError, UsageError, shown
 from grasp_factory.objects.folder import FolderObject, Manifest, load_folder
 from grasp_factory.objects.folder_cache import manifest_path, mesh_path
@@ -30,7 +31,6 @@ from grasp_factory.objects.importing.folder_listing import (
 from grasp_factory.objects.importing.job import Converted
 from grasp_factory.objects.importing.object_source import ObjectSource, load_source, referenced
 from grasp_factory.objects.importing.physical import finished
-from grasp_factory.objects.importing.report import printable
 from grasp_factory.objects.importing.settings import FolderSettings, Settings, parse_settings
 from grasp_factory.objects.importing.units import check_grip, grip_warnings
 
@@ -122,7 +122,7 @@ class _Run:
                 )
             self.used[file] = self._result(file, own)
         except UnusableError as error:
-            self.refused.append(Refusal(file=file, reason=printable(str(error))))
+            self.refused.append(Refusal(file=file, reason=escaped(str(error))))
             if suffix(file) == "urdf" and not own.skip:
                 self._claimed |= dict.fromkeys(referenced(self._root, file), file)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from grasp_factory.core.config.yaml_loader import parse_yaml
 from grasp_factory.core.serialization import check, check_range, from_plain
-from grasp_factory.errors import ConfigError, nearest, shown
+from grasp_factory.errors import ConfigError, did_you_mean, shown
 
 DENSITY = 500.0
 """kg/m3, of what nothing is said about: household objects are part air. Softwood has as much."""
@@ -74,7 +74,7 @@ class FolderSettings:
         for file in self.objects:
             if file not in valid:
                 raise ConfigError(
-                    f"{where}: objects: there is no file {shown(file)}{nearest(file, valid)}"
+                    f"{where}: objects: there is no file {shown(file)}{did_you_mean(file, valid)}"
                 )
 
 

@@ -61,7 +61,7 @@ def closed_bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     """
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         return []
-    labels = labels_of(mesh)
+    labels = face_parts(mesh)
     count = int(labels.max()) + 1
     if count > MAX_BODIES:
         return []
@@ -80,7 +80,7 @@ def closed_bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     return solids
 
 
-def labels_of(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
+def face_parts(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
     """Return for each face which of the mesh's separate pieces it belongs to."""
     labels = trimesh.graph.connected_component_labels(
         mesh.face_adjacency, node_count=len(mesh.faces)
@@ -104,7 +104,7 @@ def bends(mesh: trimesh.Trimesh) -> float:
 
 def without_dust(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return a mesh without the pieces that are tiny beside the whole."""
-    labels = labels_of(mesh)
+    labels = face_parts(mesh)
     low = np.full((int(labels.max()) + 1, 3), np.inf)
     high = -low
     np.minimum.at(low, labels, mesh.triangles.min(axis=1))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.apps.pictures.plot import SIZE, look
 from grasp_factory.apps.pictures.plot.curves import draw_curves
-from grasp_factory.apps.pictures.plot.look import LARGE, SMALL, PageLayout, printable
+from grasp_factory.apps.pictures.plot.look import LARGE, SMALL, PageLayout, drawable
 from grasp_factory.apps.pictures.plot.pictures import draw_pictures
 from grasp_factory.apps.pictures.plot.touch import draw_touch
 from grasp_factory.core.enums import label_names
@@ -161,6 +161,6 @@ def _draw_foot(page: PageLayout, subject: Subject) -> None:
         f"camera {subject.camera}",
         f"made by grasp_factory {subject.maker}" if subject.maker else "",
     ]
-    text = "   ".join(filter(None, map(printable, words)))
+    text = "   ".join(filter(None, map(drawable, words)))
     right, middle = page.width - MARGIN, page.height - 14
     page.text(right, middle, text, size=SMALL, color=look.PALE, align="right", room=right - MARGIN)

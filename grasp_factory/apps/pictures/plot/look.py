@@ -73,7 +73,7 @@ class PageLayout:
     ) -> None:
         """Write a line whose vertical middle is at ``top``, no wider than there is room for."""
         text = self.figure.text(
-            left / self.width, 1.0 - top / self.height, printable(words), color=color,
+            left / self.width, 1.0 - top / self.height, drawable(words), color=color,
             fontsize=size, fontweight=weight, ha=align, va="center_baseline", parse_math=False,
         )  # fmt: skip
         letters, scale = text.get_text(), self.figure.bbox.width / self.width
@@ -82,7 +82,7 @@ class PageLayout:
             text.set_text(f"{letters}...")
 
 
-def printable(text: str) -> str:
+def drawable(text: str) -> str:
     """Return a text with ``?`` for what the font has no letter for."""
     letters = _letters()
     return "".join(c if ord(c) in letters and c.isprintable() else "?" for c in text)
