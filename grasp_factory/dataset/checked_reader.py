@@ -1,4 +1,4 @@
-"""Reading with checks: what is read of a committed row is first compared with its digest."""
+"""Checked reading: values of committed rows are compared with their digests as they are read."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from grasp_factory.writers.zarr.layout import block_files
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, is_sealed, values_digest
 from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
-_MEND = "run grasp-factory verify on the store, and repair"
-_WITHOUT = (schema.CHECKSUM.path, schema.DIGESTS.path)
-"""What others are compared with."""
+_ADVICE = "run grasp-factory verify on the store, and repair"
+_UNCHECKED = (schema.CHECKSUM.path, schema.DIGESTS.path)
+"""Paths of the values that others are compared with."""
 
 
 def checked_arrays(
@@ -41,55 +41,54 @@ def checked_arrays(
     *,
     has_fingerprints: bool,
 ) -> dict[str, StoredArray]:
-    """Return the arrays of the store at ``path`` such that they check what is read from them.
+    """Return the arrays of the store at ``path`` as arrays that check what they read.
 
     Args:
         path: the store.
         arrays: its arrays, by path.
-        fields: theirs.
-        seed: the seed of every recipe, whose index is its row; None in a store that was put
-            together from others.
-        has_fingerprints: each row tells the platform that made it.
+        fields: of the arrays, by path.
+        seed: the seed of every recipe, whose index is its row; None for a merged store.
+        has_fingerprints: each row must have the fingerprint of the platform that made it.
 
     Raises:
-        StoreError: if the store has no digests, its metadata is not as it was sealed, or arrays
-            have other numbers of rows.
+        StoreError: if the store has no digests, its metadata does not match its checksum, or its
+            arrays differ in their numbers of rows.
     """
     if schema.DIGESTS.path not in arrays:
         raise StoreError(f"{path} has no checksums of single arrays: open it without checked=True")
     for name in ("", *arrays):
         if not is_sealed(path / name / "zarr.json"):
-            raise StoreError(f"{path} is damaged: zarr.json of {name or 'the root'}; {_MEND}")
+            raise StoreError(f"{path} is damaged: zarr.json of {name or 'the root'}; {_ADVICE}")
     try:
         check_lengths(path, arrays)
     except StoreError as error:
-        raise StoreError(f"{error}; {_MEND}") from None
-    places = _RowOrderCheck(path, arrays, seed, has_fingerprints=has_fingerprints)
+        raise StoreError(f"{error}; {_ADVICE}") from None
+    order = _RowOrderCheck(path, arrays, seed, has_fingerprints=has_fingerprints)
     return {
-        name: array if name in _WITHOUT else CheckedArray(path, name, arrays, fields, places)
+        name: array if name in _UNCHECKED else CheckedArray(path, name, arrays, fields, order)
         for name, array in arrays.items()
     }
 
 
 def checked_label(path: Path, name: str, outcome: NDArray[Any]) -> NDArray[Any]:
-    """Return an added label's outcomes, (N,), if they are those that were written.
+    """Return an added label's outcomes, (N,).
 
     Raises:
-        StoreError: if they are not.
+        StoreError: if they do not match their checksum.
     """
     file = path / "labels" / name / "outcome" / "zarr.json"
     known = json.loads(file.read_bytes())["attributes"] if is_sealed(file) else {}
     if known.get(VALUES_SEAL) != values_digest(outcome):
-        raise StoreError(f"{path}: labels/{name} does not match its checksum; {_MEND}")
+        raise StoreError(f"{path}: labels/{name} does not match its checksum; {_ADVICE}")
     return outcome
 
 
 class CheckedArray(StoredArray):
-    """An array of which committed rows are compared with their digests as they are read.
+    """An array that compares committed rows with their digests as it reads them.
 
-    ``status`` has no digest: it must agree with the checksum that a row has or lacks. Recipe and
-    reason of a quarantine are compared with the row's checksum; else a row without an episode
-    holds nothing.
+    ``status`` has no digest: a committed row must have a checksum, a missing row none. The recipe
+    and the reason of a quarantined row are compared with the row's checksum. All other values of
+    a row without an episode must be the fill value.
     """
 
     def __init__(
@@ -98,27 +97,27 @@ class CheckedArray(StoredArray):
         path: str,
         arrays: Mapping[str, StoredArray],
         fields: Mapping[str, Field],
-        places: _RowOrderCheck,
+        order: _RowOrderCheck,
     ) -> None:
         """Use the array at ``path`` of a store's arrays."""
         super().__init__(arrays[path].zarr)
         self._store, self._path = store, path
         self._array, self._arrays, self._field = arrays[path], arrays, fields[path]
-        self._places = places
+        self._order = order
         digested = digested_paths(arrays)
-        self._place = digested.index(path) if path in digested else None
+        self._digest_column = digested.index(path) if path in digested else None
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
         """See ``StoredArray.read``; raises also where a row does not match its digest."""
         values = self._array.read(start, stop)
         if stop > start:
-            self._places.check(start, stop)
+            self._order.check(start, stop)
             self._check(values, start, stop)
         return values
 
     def _check(self, values: NDArray[Any], start: int, stop: int) -> None:
         status = self._arrays[schema.STATUS.path].read(start, stop)
-        if self._place is None:
+        if self._digest_column is None:
             checksums = self._arrays[schema.CHECKSUM.path].read(start, stop)
             for k in range(stop - start):
                 if not self._agrees(start + k, int(status[k]), str(checksums[k])):
@@ -126,26 +125,27 @@ class CheckedArray(StoredArray):
                 if self._path == schema.FINGERPRINT.path:
                     self._check_fingerprint(start + k, int(status[k]), str(values[k]))
             return
-        stored = self._arrays[schema.DIGESTS.path].read(start, stop)[:, self._place]
+        stored = self._arrays[schema.DIGESTS.path].read(start, stop)[:, self._digest_column]
         ends = None
         if self._field.length_column:
             ends = self._arrays[self._field.length_column].read(start, stop)
         for k in range(stop - start):
             if status[k] != COMMITTED:
-                is_true = self._is_beside(start + k, int(status[k]), values[k])
+                is_valid = self._is_without_episode(start + k, int(status[k]), values[k])
             else:
                 end = None if ends is None else max(int(ends[k]), 0)
-                is_true = digest(fixed(values[k] if ends is None else values[k][:end])) == stored[k]
-            if not is_true:
+                value = fixed(values[k] if ends is None else values[k][:end])
+                is_valid = digest(value) == stored[k]
+            if not is_valid:
                 self._refuse(start + k)
 
     def _check_fingerprint(self, row: int, status: int, text: str) -> None:
-        required = status != MISSING and self._places.has_fingerprints
+        required = status != MISSING and self._order.has_fingerprints
         if not is_valid_fingerprint(text, required=required) and not self._is_unfinished(row):
             self._refuse(row)
 
-    def _is_beside(self, row: int, status: int, value: Any) -> bool:
-        """Say whether a row without an episode holds nothing, or the recipe of its quarantine."""
+    def _is_without_episode(self, row: int, status: int, value: Any) -> bool:
+        """Say whether a row's value is the fill value, or what is kept of a quarantine."""
         if status == MISSING and self._is_unfinished(row):
             return True
         if status == QUARANTINED and self._path in QUARANTINE_PATHS:
@@ -154,7 +154,7 @@ class CheckedArray(StoredArray):
         return is_fill(fixed(value), self._field.fill)
 
     def _agrees(self, row: int, status: int, stored: str) -> bool:
-        """Say whether what is known of a row without its contents fits its status."""
+        """Say whether a row's checksum and error agree with its status."""
         if status == COMMITTED:
             return bool(stored) and not str(self._arrays[schema.ERROR.path].read(row, row + 1)[0])
         if status == QUARANTINED:
@@ -162,24 +162,24 @@ class CheckedArray(StoredArray):
         return status == MISSING and (not stored or self._is_unfinished(row))
 
     def _quarantined(self, row: int) -> str:
-        """Return the checksum that the row has if it is quarantined."""
+        """Return the checksum that a quarantined row must have."""
         return quarantine_checksum(
             {p: fixed(self._arrays[p].read(row, row + 1)[0]) for p in QUARANTINE_PATHS}
         )
 
     def _is_unfinished(self, row: int) -> bool:
-        """Say whether a row's block is being written: it has no marker yet, or one that is new."""
+        """Say whether a row's block is being written: its marker is missing or being replaced."""
         block = row // self._arrays[schema.STATUS.path].zarr.chunks[0]
         marker = block_files(self._store, schema.STATUS, block, range(0))[0]
         return partial_path(marker).exists() or not marker.exists()
 
     def _refuse(self, row: int) -> None:
         what = f"episode {row} is damaged: {self._path} does not match its checksum"
-        raise StoreError(f"{self._store}: {what}; {_MEND}")
+        raise StoreError(f"{self._store}: {what}; {_ADVICE}")
 
 
 class _RowOrderCheck:
-    """Knows whether rows are where their recipes' indices say; each block is looked at once."""
+    """Checks that rows stand where their recipes' indices say; each block is checked once."""
 
     def __init__(
         self,
@@ -200,7 +200,7 @@ class _RowOrderCheck:
         """Check some rows.
 
         Raises:
-            StoreError: naming one that is not in its place.
+            StoreError: naming a row that holds another row's episode.
         """
         if self._seed is None:
             return
@@ -208,16 +208,16 @@ class _RowOrderCheck:
             first = block * self._rows
             last = min(first + self._rows, self._arrays[0].zarr.shape[0])
             status, index, seed = (array.read(first, last) for array in self._arrays)
-            strange = (index != np.arange(first, last)) | (seed != self._seed)
-            for k in np.flatnonzero((status != MISSING) & strange)[:1]:
+            is_other = (index != np.arange(first, last)) | (seed != self._seed)
+            for k in np.flatnonzero((status != MISSING) & is_other)[:1]:
                 what = f"row {first + k} holds episode {index[k]} of seed {seed[k]}"
-                raise StoreError(f"{self._store} is damaged: {what}; {_MEND}")
+                raise StoreError(f"{self._store} is damaged: {what}; {_ADVICE}")
             if (status != MISSING).all():
                 self._known.add(block)
 
 
 class CheckedColumns:
-    """Whole columns from the blocks' own files: packed segments have no digests of rows."""
+    """Whole columns, read from the files of blocks: packed segments have no digests of rows."""
 
     def __init__(self, columns: Columns, arrays: Mapping[str, StoredArray]) -> None:
         """Use the columns of checked arrays, by their path."""

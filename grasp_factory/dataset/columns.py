@@ -136,7 +136,7 @@ class EpisodeTable:
         if rows is None:
             chosen = np.flatnonzero(is_there)
         else:
-            chosen = np.unique(self._rows.places(rows))
+            chosen = np.unique(self._rows.rows_at(rows))
             self._rows.several(chosen[~is_there[chosen]][:1])
         try:
             return chosen[draw_evenly(values[chosen], n, seed)]

@@ -80,13 +80,13 @@ class Dataset(EpisodeViews):
             noise: what sensors add to episodes, images and series when they are read, or its name
                 in ``noise.NOISE``; columns stay clean, and so does the store.
             noise_seed: the same seed gives the same noise.
-            checked: compare whatever is read of committed rows with its checksum first; what does
-                not match is a StoreError that names episode and array.
+            checked: compare values of committed rows with their checksums as they are read; a
+                mismatch is a StoreError that names episode and array.
 
         Raises:
             StoreMismatchError: if there is no store, or one of a newer version.
             StoreError: if the store is damaged.
-            UsageError: for a noise or a seed that is none.
+            UsageError: for an invalid noise or seed.
         """
         path, shown_as = Path(path), EpisodeNoise(named_noise(noise), noise_seed)
         root, config = open_store(path, mode="r")
@@ -103,7 +103,7 @@ class Dataset(EpisodeViews):
         return cls(path, config, root.attrs.asdict(), arrays, shown_as, checked=checked)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to another process as what it was opened with, to be opened there."""
+        """Pickle as the arguments of ``open``; another process opens the store again."""
         again = partial(Dataset.open, checked=self._is_checked)
         return again, (self.path, self._noise.noise, self._noise.seed)
 
@@ -142,8 +142,8 @@ class Dataset(EpisodeViews):
     ) -> Iterator[tuple[NDArray[np.int64], list[Episode]]]:
         """Iterate over (indices, episodes) of each block among some rows, a block in memory.
 
-        Rows that follow one another are read at once, and no episode is read that is not asked
-        for, or twice.
+        Consecutive rows are read at once. No episode is read that is not asked for, and none
+        twice.
 
         Args:
             rows: The blocks come in the order in which these first name them, and within a block
@@ -181,18 +181,18 @@ class Dataset(EpisodeViews):
 
     @property
     def annotations(self) -> Mapping[int, Annotation]:
-        """What people have said of episodes, by row, as it stands now; of quarantined ones too.
+        """The current annotations by row, those of quarantined rows included.
 
         Raises:
-            StoreError: if it cannot be read. Damaged lines of its log are passed by.
+            StoreError: if they cannot be read. Damaged lines of the log are skipped.
         """
         return self._annotations.annotations()
 
     def tagged(self, *tags: str) -> NDArray[np.int64]:
-        """Return the committed rows that people gave all these tags, ascending, (K,).
+        """Return the committed rows that have all these tags, ascending, (K,).
 
         Raises:
-            UsageError: if there are no tags, or one that is none.
+            UsageError: if no tag is named, or one is invalid.
             StoreError: if the annotations cannot be read.
         """
         wanted = {checked_tag(tag) for tag in tags}
@@ -222,7 +222,7 @@ class Dataset(EpisodeViews):
         return {**own, **added_columns(self.path)}
 
     def verify(self, index: int) -> bool:
-        """Say whether an episode still has the checksum that it was written with.
+        """Say whether an episode's values match its checksum.
 
         Raises:
             IndexError: naming the valid range.

@@ -45,7 +45,7 @@ class Episodes:
         return self._episode(row, self._rows(row, row + 1)[0])
 
     def several(self, rows: NDArray[np.int64]) -> list[Episode]:
-        """Return the episode of each of K rows; of one that is given twice the same record twice.
+        """Return the episode of each of K rows; a row that is named twice yields one record twice.
 
         Raises:
             StoreError: if one is damaged.
@@ -68,7 +68,7 @@ class Episodes:
             yield mine, self._of_block(mine)
 
     def is_whole(self, row: int) -> bool:
-        """Say whether an episode still has the checksum that it was written with."""
+        """Say whether an episode's values match its checksum."""
         try:
             read = self._rows(row, row + 1)[0]
         except StoreError:
@@ -78,8 +78,8 @@ class Episodes:
     def _of_block(self, rows: NDArray[np.int64]) -> list[Episode]:
         """Return the episodes of some rows of a block.
 
-        Rows that follow one another are read at once. Those without an episode in between do not
-        matter, they take no time; no episode is read that is not asked for.
+        Consecutive rows are read at once, and rows without an episode between them cost nothing.
+        No episode is read that is not asked for.
         """
         wanted = np.unique(rows)
         start, stop = int(wanted[0]), int(wanted[-1]) + 1

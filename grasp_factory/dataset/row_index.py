@@ -1,4 +1,4 @@
-"""Which rows of a store a user's indices mean, and whether there are episodes in them."""
+"""The rows that a user's indices name, and whether they hold episodes."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ class RowIndex:
             IndexError: naming the valid range.
             StoreError: naming the first row that is missing or quarantined.
         """
-        rows = self.places(indices)
+        rows = self.rows_at(indices)
         statuses = self._statuses.gather(rows, self._block_size)
         for k in np.flatnonzero((statuses == MISSING) | (statuses == QUARANTINED))[:1]:
             self._refuse(int(rows[k]), int(statuses[k]))
         return rows
 
-    def places(self, indices: slice | Iterable[int]) -> NDArray[np.int64]:
-        """Return the rows (K,) of K indices, whether or not there are episodes in them.
+    def rows_at(self, indices: slice | Iterable[int]) -> NDArray[np.int64]:
+        """Return the rows (K,) of K indices, whether or not they hold episodes.
 
         Raises:
             TypeError: for anything but integers.

@@ -1,4 +1,4 @@
-"""Rows of a store as they were written, each checked against its checksum."""
+"""Whole rows of a store, each compared with its checksum."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class StoredRow:
     content: Episode | Quarantined
     checksum: str
     fingerprint: str
-    """Text of the platform that made it; empty where the store does not tell."""
+    """Text of the platform that made it; empty where the store has none."""
 
 
 class RowReader:
@@ -58,10 +58,10 @@ class RowReader:
         self.joints: int = self._arrays["streams/joint_positions"].zarr.shape[-1]
 
     def read(self, start: int, stop: int) -> Iterator[StoredRow]:
-        """Give rows ``start`` to ``stop`` - 1, which are all in one block.
+        """Yield rows ``start`` to ``stop`` - 1, which are all in one block.
 
         Raises:
-            StoreError: naming the row, if one is missing, or not what was written.
+            StoreError: naming the row, if one is missing or damaged.
         """
         try:
             rows = read_rows(

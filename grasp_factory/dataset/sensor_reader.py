@@ -1,4 +1,4 @@
-"""What sensors of stored episodes show: images, series, clouds, crops; clean or with noise."""
+"""Sensor data of stored episodes: images, series, clouds, crops; clean or with noise."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ IMAGES = ("rgb", "depth", "segmentation")
 
 
 class Readings:
-    """Images and series of committed rows, none read that is not asked for (or noise needs)."""
+    """Images and series of committed rows; reads only what is asked for, or what noise needs."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class Readings:
 
         Raises:
             UnknownNameError: listing the cameras, or the kinds.
-            IndexError: for a frame that is none.
+            IndexError: for an invalid frame.
         """
         self.image_path(camera, kind)
         if not is_integer(frame) or frame not in (0, 1):
@@ -101,7 +101,7 @@ class Readings:
     def cloud(
         self, row: int, camera: str | None, frame: int, part: str, in_frame: str
     ) -> PointCloud:
-        """Return what cameras see of a row's scene, as points; see ``Dataset.point_cloud``."""
+        """Return a row's scene as points that cameras see; see ``Dataset.point_cloud``."""
         lookup(FRAMES, "frame", in_frame)
         shown = label_mask(part, self._config.clutter.count)
         cameras = list(self._images) if camera is None else [camera]
@@ -185,7 +185,7 @@ class Readings:
         return np.asarray(self._value(f"cameras/{camera}/T_world_camera", row)[frame])
 
     def _at_image(self, row: int, stream: str, frame: int) -> Any:
-        """Return a stream's record next to an image: the first to the one before, else the last."""
+        """Return a stream's record at an image: the first one before the attempt, else the last."""
         return self.series(row, [stream])[stream][0 if frame == 0 else -1]
 
     def _refuse(self, row: int, asked: str, condition: str) -> None:
@@ -197,8 +197,8 @@ class Readings:
         return self.spec(row).cameras[camera].far
 
     def _index(self, row: int) -> int:
-        """Return the index of a row's recipe, which its noise hangs on."""
-        path = "episodes/index"  # a store of before there was merging lacks it
+        """Return the index of a row's recipe, on which its noise depends."""
+        path = "episodes/index"  # stores that are older than merging lack it
         return int(self._value(path, row)) if path in self._arrays else row
 
     def _values(self, path: str, rows: Sequence[int]) -> NDArray[Any]:

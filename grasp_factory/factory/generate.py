@@ -162,7 +162,7 @@ def generate(
 
 
 def origin_attributes(config: FactoryConfig, robot: RobotModel) -> dict[str, Any]:
-    """Return root attributes of a store that is begun here: the robot's facts, the fingerprint."""
+    """Return root attributes of a new store: the robot's facts and this platform's fingerprint."""
     return {"robot": robot.facts(), FINGERPRINT: fingerprint(config).parts()}
 
 

@@ -1,4 +1,4 @@
-"""Pictures of an episode's images as files: PNG to look at closely, small JPEG for overviews."""
+"""An episode's images as files: PNG in full size, small JPEG for overviews."""
 
 from __future__ import annotations
 

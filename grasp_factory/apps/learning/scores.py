@@ -13,7 +13,7 @@ from grasp_factory.core.geometry import Array
 RESAMPLES = 1000
 LEVEL = 0.95
 RANGE = (0.0, 1.0)
-"""Of every figure."""
+"""Lowest and highest value of every score."""
 BINS = 15
 """Of equal width, for the calibration error."""
 
@@ -124,8 +124,8 @@ class Bootstrap:
     def over_networks(self, figure: ScoreFunction, answers: Sequence[Array]) -> tuple[float, Array]:
         """Return a figure's mean over some networks' probabilities (K,), and its draws, (R,).
 
-        Each resample of the objects draws networks, too, by their place: so figures of as many
-        networks are paired.
+        Each resample of the objects also draws networks, by their position. So figures of two
+        lists of equal length are paired.
         """
         each = np.array([self.over_resamples(figure, p) for p in answers])
         picks = np.random.default_rng(0).integers(len(answers), size=each.shape)
@@ -160,8 +160,8 @@ def interval(
 ) -> Estimate:
     """Return an estimate whose interval leaves the same share of draws (R,) out on both sides.
 
-    The draws are moved so that their mean is the value: resamples repeat episodes, which makes the
-    calibration error greater than it is. The interval ends where the figure's range does.
+    The draws are shifted so that their mean is the value: resamples repeat episodes, which
+    increases the calibration error. The interval is clipped to the figure's range.
     """
     if not len(drawn):
         return Estimate(value=float(value), low=float("nan"), high=float("nan"))

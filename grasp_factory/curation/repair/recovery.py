@@ -1,4 +1,4 @@
-"""What of a damaged row can be kept, and from which recipe it is made again."""
+"""The intact parts of a damaged row, and the recipe to make it again."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ _RECIPE = ("episodes/spec", "episodes/seed", "episodes/index")
 
 
 def kept(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined | None:
-    """Return a row of the store as it was written, whatever its status says; None if it is lost.
+    """Return a row as it was written, whatever its status says; None if it is lost.
 
-    An episode is kept when all of it matches the row's checksum, or the digests of all its arrays.
+    An episode is kept if it matches the row's checksum, or if each array matches its digest.
     """
     return _episode(row, pieces, i) or _quarantined(row, pieces, i)
 
 
 def recipe(row: Row, pieces: PartialStore, i: int) -> EpisodeSpec | None:
-    """Return the recipe of a row, None where nothing is left that tells it.
+    """Return the recipe of a row, None where it cannot be recovered.
 
-    In a store that was generated the row's number tells it. In one that was put together the row
-    itself does: its recipe, or seed and index, of which what does not match its digest, or the
-    other, is not believed.
+    In a generated store it follows from the row's number. In a merged store it is the row's own
+    recipe, or follows from the row's seed and index. Values count only if they match their
+    digests or each other.
     """
     if not pieces.is_collected:
         return sample_spec(pieces.config, i)

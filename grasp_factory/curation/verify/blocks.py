@@ -38,19 +38,19 @@ UNKNOWN = -1
 NOT_EMPTY = (*QUARANTINE_PATHS, schema.FINGERPRINT.path)
 """Paths of what a quarantined row holds."""
 MAKER = "this version of grasp-factory wrote it so, or another program: make the episode again"
-"""Advice for what matches its checksum and cannot be true."""
+"""Advice for values that match their checksum and are impossible."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Findings:
-    """What was found in some blocks."""
+    """The results of checking some blocks."""
 
     committed: int = 0
     quarantined: int = 0
     missing: int = 0
     problems: list[Problem] = field(default_factory=list)
     fingerprints: Counter[str] = field(default_factory=Counter)
-    """How many rows have each text that tells a platform."""
+    """Rows by fingerprint."""
 
 
 class BlockChecker:
@@ -82,7 +82,7 @@ class BlockChecker:
         pieces, numbers = self._pieces, self._pieces.rows_of(block)
         marker = block_files(pieces.path, schema.STATUS, block, numbers)[0]
         if not marker.exists():
-            # What is left of its other files is not content: the block was never finished.
+            # The block was never finished, so its other files are not content.
             findings.missing += len(numbers)
             findings.problems.append(_missing(list(numbers)))
             return
@@ -94,7 +94,7 @@ class BlockChecker:
             findings.committed += status == COMMITTED
             findings.quarantined += status == QUARANTINED
             findings.missing += status == MISSING
-            # A block that is being grown has values already of rows that its marker does not name.
+            # A block that is being extended already has values of rows that its marker lacks.
             if status != MISSING or not partial_path(marker).exists():
                 findings.problems += row_problems(row, status, pieces, i)
             missing += [i] if status == MISSING else []
@@ -106,7 +106,7 @@ class BlockChecker:
 
 
 def row_problems(row: Row, status: int, pieces: PartialStore, i: int) -> Iterator[Problem]:
-    """Give the problems of a row, but that it is missing."""
+    """Yield the problems of a row, except that it is missing."""
     if status in (COMMITTED, QUARANTINED):
         yield from fingerprint_problems(row, pieces, i)
     if status == COMMITTED:

@@ -1,4 +1,4 @@
-"""The rows of a block: can they be read, and do they match their checksums?"""
+"""Checks of a block's rows: whether they can be read and match their checksums."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _NOT_CHECKED = (schema.STATUS.path, schema.CHECKSUM.path)
 
 
 def read_block(pieces: PartialStore, block: int) -> tuple[list[Row], list[Problem]]:
-    """Return the rows of a block, padding and all, and a problem for each that cannot be read.
+    """Return the rows of a block with their padding, and a problem for each unreadable value.
 
-    What cannot be read is left out of its row.
+    Unreadable values are left out of their rows.
     """
     rows = pieces.rows_of(block)
     out: list[Row] = [{} for _ in rows]
@@ -57,7 +57,7 @@ def read_block(pieces: PartialStore, block: int) -> tuple[list[Row], list[Proble
 def trimmed(row: Mapping[str, NDArray[Any]], fields: Mapping[str, Field]) -> Row:
     """Return the contents of a committed row: without padding, status, checksum and digests.
 
-    A time series whose length is not known, or cannot be, is left out.
+    A time series whose length is unknown or impossible is left out.
     """
     out = {}
     for path, value in episode_contents(row).items():
@@ -70,11 +70,11 @@ def trimmed(row: Mapping[str, NDArray[Any]], fields: Mapping[str, Field]) -> Row
 
 
 def committed_problems(row: Row, contents: Row, pieces: PartialStore, i: int) -> list[Problem]:
-    """Return where the contents of a committed row do not match what they were written with.
+    """Return the problems of a committed row: values that do not match digest or checksum.
 
     Args:
         row: As it was read.
-        contents: What ``trimmed`` makes of it.
+        contents: The result of ``trimmed``.
         pieces: The store.
         i: The row's number.
     """
@@ -100,7 +100,7 @@ def committed_problems(row: Row, contents: Row, pieces: PartialStore, i: int) ->
 
 
 def quarantined_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem]:
-    """Return what is wrong with what is kept of a quarantined row."""
+    """Return the problems of the recipe and the reason of a quarantined row."""
     stored = row.get(schema.CHECKSUM.path)
     if stored is None or not all(path in row for path in QUARANTINE_PATHS):
         return []  # it could not be read, which is a problem already
@@ -113,10 +113,7 @@ def quarantined_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem
 
 
 def fingerprint_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem]:
-    """Return what is wrong with the text of the platform that a row was made on.
-
-    Rows of a store that was put together, or was made without fingerprints, may have none.
-    """
+    """Return the problems of a row's fingerprint; see ``must_have_fingerprints``."""
     text = str(row.get(schema.FINGERPRINT.path, ""))
     required = must_have_fingerprints(pieces.attributes)
     if schema.FINGERPRINT.path not in row or is_valid_fingerprint(text, required=required):
@@ -126,12 +123,12 @@ def fingerprint_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem
 
 
 def is_complete(contents: Row, pieces: PartialStore) -> bool:
-    """Say whether all that an episode consists of could be read."""
+    """Say whether all values of an episode could be read."""
     return all(p in contents for p in pieces.fields if p not in schema.NOT_IN_AN_EPISODE)
 
 
 def is_whole(row: Row, contents: Row, pieces: PartialStore) -> bool:
-    """Say whether an episode's contents could be read, and match the checksum of the row."""
+    """Say whether all values of an episode could be read and match the row's checksum."""
     stored = str(row.get(schema.CHECKSUM.path, ""))
     return bool(stored) and is_complete(contents, pieces) and checksum(contents) == stored
 
@@ -139,11 +136,11 @@ def is_whole(row: Row, contents: Row, pieces: PartialStore) -> bool:
 def padding_problems(
     row: Mapping[str, NDArray[Any]], kept: Mapping[str, int], pieces: PartialStore, i: int
 ) -> list[Problem]:
-    """Return a problem if a row holds something where there should be nothing.
+    """Return a problem if a row has values where there should be only fill values.
 
     Args:
         row: As it was read.
-        kept: By path, how many of a row's values are no padding; all of one that is left out.
+        kept: By path, how many values come before the padding; a path that is left out has none.
         pieces: The store.
         i: The row's number.
     """
@@ -160,7 +157,7 @@ def padding_problems(
 
 
 def behind_problems(pieces: PartialStore, block: int) -> list[Problem]:
-    """Return a problem if the files of a last, short block hold something behind its last row."""
+    """Return a problem if the files of a short last block have values after its last row."""
     rows = pieces.rows_of(block)
     stop = rows.start + pieces.config.block_size
     for path, array in pieces.arrays.items():
@@ -175,7 +172,7 @@ def behind_problems(pieces: PartialStore, block: int) -> list[Problem]:
 
 
 def padded(row: Row, pieces: PartialStore) -> dict[str, int]:
-    """Return what of a committed row is no padding; see ``padding_problems``."""
+    """Return how many values of a committed row come before padding; see ``padding_problems``."""
     out = {schema.ERROR.path: 0}
     for path in row:
         length = pieces.fields[path].length_column
@@ -185,14 +182,14 @@ def padded(row: Row, pieces: PartialStore) -> dict[str, int]:
 
 
 def beside(paths: tuple[str, ...], pieces: PartialStore) -> dict[str, int]:
-    """Return that a row has nothing but these paths; see ``padding_problems``."""
+    """Return that a row may have values at these paths only; see ``padding_problems``."""
     return {path: 0 for path in pieces.fields if path not in (*paths, *_NOT_CHECKED)}
 
 
 def _values(
     array: StoredArray, rows: range, field: Field
 ) -> Iterator[tuple[int, NDArray[Any] | StoreError]]:
-    """Give each row's place and value, or the error when it cannot be read."""
+    """Yield each row's position and value, or the error if it cannot be read."""
     if not field.is_video:  # a block of videos would be too large to hold
         try:
             for k, value in enumerate(array.read(rows.start, rows.stop)):
@@ -208,7 +205,7 @@ def _values(
 
 
 def _wrong_digests(row: Row, contents: Row, pieces: PartialStore) -> list[str]:
-    """Return the paths whose values do not match their digests, as far as there are any."""
+    """Return the paths whose values do not match their digests; empty without digests."""
     if schema.DIGESTS.path not in row:
         return []
     differs = mismatched(contents, pieces.digested, row[schema.DIGESTS.path])

@@ -1,4 +1,4 @@
-"""How many rows a store has, also where its metadata does not tell or cannot be believed."""
+"""The number of rows of a store, even where its metadata is damaged or wrong."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ _OF_EVERY_ROW = (
 
 
 def document_rows(document: Any) -> int | None:
-    """Return an array's number of rows, which the seal leaves out, so it may be anything."""
+    """Return the number of rows in an array's ``zarr.json``; None if it is invalid.
+
+    The metadata's checksum does not cover it.
+    """
     shape = document.get("shape") if isinstance(document, dict) else None
     rows: Any = shape[0] if isinstance(shape, list) and shape else None
     return rows if is_integer(rows) and rows >= 0 else None
@@ -44,16 +47,16 @@ def number_of_rows(
 ) -> int:
     """Return the number of rows of the store at ``path``: never fewer than its files hold.
 
-    A block is believed to be there when most arrays have a file of it.
+    A block exists if most arrays have a file of it.
 
     Args:
         path: the store's.
         config: what it was made from.
-        fields: those that it has, by path.
-        told: the number that its metadata tells, None where that is lost.
+        fields: of the store, by path.
+        told: the number in its metadata, None where that is lost.
 
     Raises:
-        StoreError: if it cannot be told.
+        StoreError: if it cannot be determined.
     """
     of_blocks = [field for field in fields.values() if not field.is_video]
     files = Counter(block for field in of_blocks for block in _block_numbers(path, field))
@@ -77,7 +80,7 @@ def number_of_rows(
 
 
 def _block_numbers(path: Path, field: Field) -> Iterator[int]:
-    """Give the numbers of the blocks of which a field has a file."""
+    """Yield the numbers of the blocks of which a field has a file."""
     tail = ".0" * len(field.dims)
     folder = path / field.path
     for name in os.listdir(folder) if folder.is_dir() else ():
@@ -87,7 +90,7 @@ def _block_numbers(path: Path, field: Field) -> Iterator[int]:
 
 
 def _filled(path: Path, field: Field, block: int, config: FactoryConfig) -> int | None:
-    """Return up to which row of a block a column says something; None if it cannot be read."""
+    """Return how many rows of a block a column fills; None if it cannot be read."""
     size = config.block_size
     file = block_files(path, field, block, range(0))[0]
     if not file.is_file():
@@ -99,6 +102,6 @@ def _filled(path: Path, field: Field, block: int, config: FactoryConfig) -> int 
             values = np.empty(size, field.dtype)
             unpack(file.read_bytes(), values)
             there = values != field.fill
-    except Exception:  # decoders of damaged bytes raise whatever they like
+    except Exception:  # decoders raise many types for damaged bytes
         return None
     return int(np.flatnonzero(there)[-1]) + 1 if there.any() else 0

@@ -1,4 +1,4 @@
-"""A store opened piece by piece, so that what is damaged does not hide the rest."""
+"""A store opened array by array, so that damaged arrays do not hide the others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartialStore:
-    """What of a store can be read.
+    """The readable parts of a store.
 
     Attributes:
         path: the store's.
@@ -31,7 +31,7 @@ class PartialStore:
         rows: of every array.
         fields: by path; those that the store has, damaged or not.
         arrays: by path; those whose metadata is as it was written, and those of ``rewritten``.
-        rewritten: paths of arrays that another program may have written anew; their rows tell.
+        rewritten: paths of arrays that another program may have rewritten; their rows are checked.
     """
 
     path: Path
@@ -44,12 +44,12 @@ class PartialStore:
 
     @property
     def is_collected(self) -> bool:
-        """Whether it was put together from others, so that rows have recipes of any index."""
+        """Whether it was merged from others, so that rows have recipes of any index."""
         return SOURCES in self.attributes
 
     @property
     def digested(self) -> tuple[str, ...]:
-        """Paths in the order of ``episodes/array_crc32c``; none where that is damaged."""
+        """Paths in the order of ``episodes/array_crc32c``; empty where that is damaged."""
         return digested_paths(self.arrays)
 
     @property
@@ -64,7 +64,7 @@ class PartialStore:
 
 
 def open_pieces(path: Path) -> tuple[PartialStore, list[Problem]]:
-    """Open what can be opened of the store at ``path``, whose root is whole.
+    """Open the readable parts of the store at ``path``, whose root is intact.
 
     Returns:
         The pieces, and a problem for each array whose metadata is damaged.

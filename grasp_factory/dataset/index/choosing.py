@@ -1,8 +1,8 @@
-"""Which rows a query finds, in its order, without ever going over the rows themselves.
+"""The rows that a query finds, in its order, without reading the rows themselves.
 
-A condition's rows come from the index of its column, an order's from that of another; each holds
-ids, so that neither opens a row. Of n rows m are found: those cost m steps, and to walk along an
-order until enough of them have come takes n - m more at the worst.
+A condition uses the index of its column, and an order the index of another. Both hold ids, so
+that no row is opened. If m of n rows are found, that costs m steps; walking along an order until
+enough of them have come takes n - m more at the worst.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FEW_LEFT_OUT = 4
 def found_ids(
     connection: sqlite3.Connection, query: Query, facts: SharedColumns
 ) -> Set[int] | None:
-    """Return the ids of the rows that a query finds; None for all there are."""
+    """Return the ids of the rows that a query finds; None for all rows."""
     found: set[int] | None = None
     for condition in query.conditions:
         clause = condition_clause(condition, facts)
@@ -53,7 +53,7 @@ def count_found(connection: sqlite3.Connection, query: Query, facts: SharedColum
 def in_order(
     connection: sqlite3.Connection, query: Query, facts: SharedColumns, found: Set[int] | None
 ) -> Iterator[int]:
-    """Give the ids of found rows, in a query's order."""
+    """Return an iterator over the ids of found rows, in a query's order."""
     by = order(query, facts)
     if found is None:
         return _walk(connection, by, Clause("1"))

@@ -1,4 +1,4 @@
-"""Rows of an index as people see them."""
+"""Rows of an index as Python values, with the columns that stores share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from grasp_factory.dataset.index.database import place_of, quoted
 
 
 def shared_columns(connection: sqlite3.Connection) -> dict[int, dict[str, str]]:
-    """Return what all rows of a store have in common, by its number."""
+    """Return the columns that all rows of a store share, by the store's number."""
     found = connection.execute(f"SELECT id, {', '.join(OF_STORES)} FROM stores ORDER BY id")
     return {number: dict(zip(OF_STORES, rest, strict=True)) for number, *rest in found}
 
@@ -21,7 +21,7 @@ def shared_columns(connection: sqlite3.Connection) -> dict[int, dict[str, str]]:
 def shown_rows(
     connection: sqlite3.Connection, keys: list[int], facts: sql.SharedColumns
 ) -> list[dict[str, Any]]:
-    """Return rows by their ids, in their order, as people see them."""
+    """Return rows by their ids, in their order, as Python values by column."""
     names = ", ".join(map(quoted, OF_ROWS))
     found = connection.execute(
         f"SELECT id, {names} FROM episodes WHERE id IN (SELECT value FROM json_each(?))",

@@ -1,4 +1,4 @@
-"""The two OBJ files of an object: what collides and what is seen. Runs in the child process."""
+"""The two OBJ files of an object: its collision and its visual shape. Runs in a child process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from grasp_factory.core.geometry import Array
 from grasp_factory.objects.obj_file import numbers_text
 
 CREASE = np.radians(30.0)
-"""Edges sharper than this are seen as edges."""
+"""Shading is not smoothed over edges that are sharper than this."""
 
 
 def collision_text(hulls: Sequence[ConvexHull]) -> bytes:
@@ -55,7 +55,7 @@ def visual_text(mesh: trimesh.Trimesh) -> bytes:
 
 
 def _normals(mesh: trimesh.Trimesh) -> Array:
-    """Return a unit normal for each corner of each face, (3 m, 3), smooth but over creases."""
+    """Return a unit normal for each corner of each face, (3 m, 3), smooth except at creases."""
     smooth = mesh.face_adjacency[mesh.face_adjacency_angles < CREASE]
     groups = trimesh.graph.connected_component_labels(smooth, node_count=len(mesh.faces))
     corners = np.column_stack([groups.repeat(3), mesh.faces.reshape(-1)])

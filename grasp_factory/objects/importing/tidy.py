@@ -81,7 +81,7 @@ def closed_bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
 
 
 def face_parts(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
-    """Return for each face which of the mesh's separate pieces it belongs to."""
+    """Return for each face the number of the connected part of the mesh that it belongs to."""
     labels = trimesh.graph.connected_component_labels(
         mesh.face_adjacency, node_count=len(mesh.faces)
     )

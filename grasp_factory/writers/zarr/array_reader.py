@@ -1,4 +1,4 @@
-"""Arrays of a store, read by rows: straight from the files that this package writes."""
+"""Arrays of a store, read by rows, directly from the files that this package writes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from grasp_factory.writers.zarr.header import first_line, open_array, read_array
 
 
 class StoredArray(ABC):
-    """An array of a store, its first dimension the episodes. What is missing is its fill value.
+    """An array of a store whose first dimension is the episodes; missing rows have the fill value.
 
     Attributes:
         zarr: the array as Zarr opened it.
@@ -125,7 +125,7 @@ def stored(array: zarr.Array[Any], folder: Path) -> StoredArray:
 
 
 def _has_our_keys(metadata: ArrayV3Metadata) -> bool:
-    """Say whether chunks are named as ours, and numbers are as this machine has them."""
+    """Say whether chunks have this package's names, and numbers this machine's byte order."""
     keys = metadata.chunk_key_encoding
     return sys.byteorder == "little" and keys == V2ChunkKeyEncoding(separator=".")
 
@@ -136,7 +136,7 @@ def _has_whole_pieces(array: zarr.Array[Any]) -> bool:
 
 
 class ThroughZarr(StoredArray):
-    """Any layout, as of a store that another tool has packed anew."""
+    """Any layout, such as that of a store which another tool has rewritten."""
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
         """See ``StoredArray.read``."""
@@ -151,7 +151,7 @@ class ThroughZarr(StoredArray):
 
 
 class _OurFiles(StoredArray, ABC):
-    """One file for a number of rows, named by its number and a 0 for each further dimension."""
+    """Files of a fixed number of rows, named by number with a 0 for each further dimension."""
 
     def __init__(self, array: zarr.Array[Any], folder: Path, rows: int) -> None:
         super().__init__(array)
@@ -181,7 +181,7 @@ class _OurFiles(StoredArray, ABC):
     def _naming(self, start: int, stop: int) -> Iterator[None]:
         try:
             yield
-        except Exception as error:  # decoders of damaged bytes raise whatever they like
+        except Exception as error:  # decoders raise many types for damaged bytes
             array = self.zarr
             where = str(array.store).removeprefix("file://")
             what = f"{array.path} of episodes {start} to {stop - 1} cannot be read"

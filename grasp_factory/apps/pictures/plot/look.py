@@ -83,7 +83,7 @@ class PageLayout:
 
 
 def drawable(text: str) -> str:
-    """Return a text with ``?`` for what the font has no letter for."""
+    """Return a text in which ``?`` replaces each character that the font lacks."""
     letters = _letters()
     return "".join(c if ord(c) in letters and c.isprintable() else "?" for c in text)
 
