@@ -1,4 +1,4 @@
-"""The commands that list a table: ``objects``, ``robots``, ``policies``, ``cameras``, ``sensors``."""
+"""The commands that list tables: robots, policies, cameras, sensors and sets of objects."""
 
 # ruff: noqa: PLC0415
 

@@ -142,11 +142,7 @@ def test_a_word_reads_as_its_text_and_is_one_cell_of_one_line(text: str) -> None
     made = word(text)
     assert not set(made) & set("|\n\r\\*[]!")
     assert re.sub("</?code>", "", made).count("<") == 0
-    seen = "".join(
-        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode()
-        for c in in_a_line(text)
-    )
-    assert read(made) == seen
+    assert read(made) == in_a_line_visible(text)
 
 
 @given(st.text(max_size=40))

@@ -8,7 +8,6 @@ import pickle
 import shutil
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import torch
 import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.opened_files import opened_shards
 from torch.utils.data import DataLoader
 
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
@@ -29,7 +29,6 @@ from grasp_factory.factory.generate import generate
 from grasp_factory.policies.networks import KINDS, TouchWindow, mirrored
 from grasp_factory.signals.grasp_crop import CropShape
 from grasp_factory.torch import Example, GraspDataset, GraspStream
-from grasp_factory.writers.zarr import chunks
 
 N = 22
 SMALL = CropShape(size=12)
@@ -98,14 +97,7 @@ class TestByIndex:
     def test_a_batch_opens_each_file_once(
         self, examples: GraspDataset, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        opened: Counter[str] = Counter()
-        read = chunks.ShardFile.__init__
-
-        def note(shard: Any, file: str, count: int) -> None:
-            opened[file] += 1
-            read(shard, file, count)
-
-        monkeypatch.setattr(chunks.ShardFile, "__init__", note)
+        opened = opened_shards(monkeypatch)
         order = np.random.default_rng(0).permutation(16)
         examples.__getitems__(order.tolist())
         assert set(opened.values()) == {1}
@@ -212,14 +204,7 @@ class TestStreams:
 
     def test_read_each_block_once(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         unread = GraspDataset(path, crop=SMALL)
-        opened: Counter[str] = Counter()
-        read = chunks.ShardFile.__init__
-
-        def note(shard: Any, file: str, count: int) -> None:
-            opened[file] += 1
-            read(shard, file, count)
-
-        monkeypatch.setattr(chunks.ShardFile, "__init__", note)
+        opened = opened_shards(monkeypatch)
         list(GraspStream(unread))
         assert set(opened.values()) == {1}
         list(GraspStream(unread))  # kept by now

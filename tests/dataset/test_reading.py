@@ -18,6 +18,7 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.fake_episodes import JOINTS, make_episode, make_rows, small_config
+from support.opened_files import opened_shards
 from support.places import TINY
 
 from grasp_factory import Range
@@ -30,7 +31,6 @@ from grasp_factory.objects import OBJECT_SETS, UrdfFile
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.world import DATA
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.zarr import chunks
 from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config(resolution=[16, 16])
@@ -208,14 +208,7 @@ class TestBlocksOfSomeRows:
     def test_read_each_shard_once_for_rows_that_follow_one_another(
         self, path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        opened: Counter[str] = Counter()
-        read = chunks.ShardFile.__init__
-
-        def note(shard: Any, file: str, count: int) -> None:
-            opened[file] += 1
-            read(shard, file, count)
-
-        monkeypatch.setattr(chunks.ShardFile, "__init__", note)
+        opened = opened_shards(monkeypatch)
         dataset = Dataset.open(path)
         for take in (
             lambda: dataset[7:11],

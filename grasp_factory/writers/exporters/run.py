@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.core.atomic_file import fsync_tree
 from grasp_factory.core.output_file import is_in_store
 from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.errors import StoreError, UsageError
 from grasp_factory.writers.exporters.base import EpisodeSource, ExportContents, Exporter, ExportJob
-from grasp_factory.writers.zarr.files import fsync_tree
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 _OCCUPIED = "exists, and an export overwrites nothing: choose another name"
