@@ -1,0 +1,71 @@
+"""Faults in the rooms ``factory`` and ``curation``: making stores, checking and changing them."""
+
+from __future__ import annotations
+
+from faults.fault import Fault
+
+FAULTS = (
+    Fault(
+        "shards-share-blocks",
+        "factory/block_job.py",
+        "request.shard.has(rows // request.config.block_size)",
+        "request.shard.has(rows)",
+        ("factory/test_shards.py",),
+    ),
+    Fault(
+        "resume-skips-partial-blocks",
+        "factory/generate.py",
+        "blocks = np.unique(wanted // size)",
+        "blocks = np.unique(wanted[::size] // size)",
+        ("factory/test_resume.py", "factory/test_generate.py"),
+    ),
+    Fault(
+        "one-try-too-many",
+        "factory/retry_policy.py",
+        "TRIES = 2",
+        "TRIES = 3",
+        ("factory/test_retry_policy.py",),
+    ),
+    Fault(
+        "results-in-the-order-of-arrival",
+        "factory/executors/pool.py",
+        "return [results[place] for place in range(len(jobs))]",
+        "return list(results.values())",
+        ("factory/test_executors.py",),
+    ),
+    Fault(
+        "quarantine-wins-in-a-merge",
+        "curation/merge/union.py",
+        "np.lexsort((store, is_quarantined, index, first[which]))",
+        "np.lexsort((store, index, first[which]))",
+        ("curation/test_merge.py",),
+    ),
+    Fault(
+        "repeated-rows-lose-their-annotations",
+        "curation/merge/annotation_transfer.py",
+        "return found | {row: places[twin] for row, twin in twins}",
+        "return found",
+        ("curation/test_merge.py", "dataset/test_annotations.py"),
+    ),
+    Fault(
+        "merge-not-read-back",
+        "curation/merge/building.py",
+        "if found != wanted:",
+        "if len(found) != len(wanted):",
+        ("curation/test_merge.py",),
+    ),
+    Fault(
+        "first-padded-value-not-verified",
+        "curation/verify/contents.py",
+        "np.atleast_1d(value)[kept[path] :]",
+        "np.atleast_1d(value)[kept[path] + 1 :]",
+        ("curation/test_verify.py",),
+    ),
+    Fault(
+        "outcome-not-derived-again",
+        "curation/verify/derived_values.py",
+        "if outcome != judged:",
+        "if outcome not in set(Outcome):",
+        ("curation/test_verify.py",),
+    ),
+)

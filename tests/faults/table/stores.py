@@ -1,0 +1,85 @@
+"""Faults in the rooms ``writers`` and ``dataset``: what is on the disk, and reading it."""
+
+from __future__ import annotations
+
+from faults.fault import Fault
+
+FAULTS = (
+    Fault(
+        "committed-before-the-data",
+        "writers/zarr/writer.py",
+        "for fields in (data, [schema.STATUS]):",
+        "for fields in ([schema.STATUS], data):",
+        ("writers/test_writers.py", "writers/test_disk_faults.py"),
+    ),
+    Fault(
+        "directories-not-synced",
+        "writers/zarr/writer.py",
+        "fsync([*written, *(self.path / field.path for field in fields)])",
+        "fsync(written)",
+        ("writers/test_writers.py", "writers/test_disk_faults.py"),
+    ),
+    Fault(
+        "stale-segment-kept-by-a-write",
+        "writers/zarr/writer.py",
+        "        unpack_block(self.path, block)\n",
+        "",
+        ("writers/test_column_segments.py",),
+    ),
+    Fault(
+        "lock-on-a-removed-file",
+        "writers/zarr/lock_file.py",
+        "taken = self._is_at_its_place(descriptor)",
+        "taken = True",
+        ("writers/test_store.py", "factory/test_shards.py"),
+    ),
+    Fault(
+        "shard-index-not-compared",
+        "writers/zarr/chunks.py",
+        'if google_crc32c.value(index) != int.from_bytes(stored, "little"):',
+        "if len(stored) != _CHECKSUM_BYTES:",
+        ("writers/test_array_reader.py",),
+    ),
+    Fault(
+        "single-frames-not-checked",
+        "dataset/checked_reader.py",
+        "out[k] = self.read(row, row + 1)[0, frame]",
+        "out[k] = self._array.read(row, row + 1)[0, frame]",
+        ("dataset/test_checked_reading.py",),
+    ),
+    Fault(
+        "quarantined-rows-read",
+        "dataset/row_index.py",
+        "(statuses == MISSING) | (statuses == QUARANTINED)",
+        "statuses == MISSING",
+        ("dataset/test_reading.py", "dataset/test_dataset.py"),
+    ),
+    Fault(
+        "range-includes-its-end",
+        "dataset/filters.py",
+        "values < self.below",
+        "values <= self.below",
+        ("dataset/test_dataset.py", "dataset/test_reading.py"),
+    ),
+    Fault(
+        "annotations-appended-without-a-lock",
+        "dataset/annotations/log_file.py",
+        "fcntl.LOCK_EX | fcntl.LOCK_NB",
+        "fcntl.LOCK_SH | fcntl.LOCK_NB",
+        ("dataset/test_annotations.py",),
+    ),
+    Fault(
+        "damaged-annotation-believed",
+        "dataset/annotations/lines.py",
+        "if not sealed or int(sealed[1], 16) != zlib.crc32(text):",
+        "if not sealed:",
+        ("dataset/test_annotations.py",),
+    ),
+    Fault(
+        "order-of-an-older-index",
+        "dataset/index/handle.py",
+        "return query, generation, self._threads.file",
+        "return query, self._threads.file",
+        ("dataset/test_index.py", "dataset/test_query.py"),
+    ),
+)
