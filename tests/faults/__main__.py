@@ -79,7 +79,7 @@ def _arguments() -> argparse.Namespace:
         " those of its room, or all",
     )
     parser.add_argument(
-        "--marker", default="not soak", help="expression of pytest's -m  [default: %(default)s]"
+        "--marker", default="", help="expression of pytest's -m, such as 'not slow'"
     )
     parser.add_argument("--json", type=Path, help="file to keep results in, those of before too")
     return parser.parse_args()

@@ -72,7 +72,7 @@ class TestRunner:
 
     def tried(self, repository: Path, new: str, widest: Width) -> Result:
         fault = Fault("a-name", "core/sums.py", "a + b", new, ("core/test_sums.py",))
-        return try_fault(fault, repository, widest, "not soak")
+        return try_fault(fault, repository, widest, "")
 
     def test_what_the_named_tests_miss_the_rooms_may_catch(self, repository: Path) -> None:
         missed = self.tried(repository, "a - b", Width.NAMED)
