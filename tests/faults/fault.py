@@ -30,11 +30,16 @@ class Fault:
         return _ROOM_OF_ROOT.get(first, first)
 
     @property
-    def module(self) -> str | None:
-        """Name of the changed module; None for a file that is not Python."""
-        if not self.file.endswith(".py"):
-            return None
+    def module(self) -> str:
+        """Name of the changed module; of a file that is not Python, the package's."""
+        if not self.is_python:
+            return PACKAGE
         return f"{PACKAGE}.{self.file.removesuffix('.py').replace('/', '.')}"
+
+    @property
+    def is_python(self) -> bool:
+        """Whether the changed file is a module."""
+        return self.file.endswith(".py")
 
     def text(self, repository: Path) -> str:
         """Return the file as it is."""

@@ -9,13 +9,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from faults.fault import Fault
+from faults.fault import PACKAGE, Fault
 
 LEFT_OUT = shutil.ignore_patterns(".*", "*.egg-info")
 LIMIT_S = 3600.0
@@ -29,12 +29,12 @@ class Verdict(StrEnum):
     """What came of a fault."""
 
     CAUGHT = "caught"
-    """A test fails with the fault and passes without it."""
+    """A test fails with the fault."""
     NOT_CAUGHT = "not caught"
     BROKEN = "broken"
     """The changed module does not import, or pytest cannot run: no fair fault."""
     UNSOUND = "unsound"
-    """The test that fails with the fault fails without it, too."""
+    """That test fails without it, too (``failing_anyway``)."""
 
 
 class Width(StrEnum):
@@ -81,13 +81,11 @@ def try_fault(fault: Fault, repository: Path, widest: Width, marker: str) -> Res
     verdict, width, test = Verdict.NOT_CAUGHT, Width.NAMED, ""
     with copied(repository) as copy:
         fault.seed(copy)
-        if why := import_error(fault, copy):
-            verdict, test = Verdict.BROKEN, why
-        else:
-            for width in widths[: widths.index(widest) + 1]:
-                verdict, test = _verdict(fault, copy, repository, width.tests(fault), marker)
-                if verdict is not Verdict.NOT_CAUGHT:
-                    break
+        for width in widths[: widths.index(widest) + 1]:
+            done = _pytest(copy, *width.tests(fault), "-x", "-m", marker, first=fault.module)
+            verdict, test = _verdict(done)
+            if verdict is not Verdict.NOT_CAUGHT:
+                break
     return Result(
         name=fault.name,
         file=fault.file,
@@ -98,6 +96,18 @@ def try_fault(fault: Fault, repository: Path, widest: Width, marker: str) -> Res
     )
 
 
+def failing_anyway(tests: Iterable[str], repository: Path) -> set[str]:
+    """Return those of some tests that fail without any fault, in a copy like those with one."""
+    names = sorted(set(tests))
+    if not names:
+        return set()
+    with copied(repository) as clean:
+        done = _pytest(clean, *names)
+    if done.returncode not in (PASSED, SOME_FAILED):
+        raise RuntimeError(f"pytest cannot run without a fault: {done.stdout.strip()[-300:]}")
+    return {found[1] for found in _FAILED.finditer(done.stdout)} & set(names)
+
+
 @contextmanager
 def copied(repository: Path) -> Iterator[Path]:
     """Yield a copy of the repository; times of files are kept, so compiled files stay valid."""
@@ -105,36 +115,21 @@ def copied(repository: Path) -> Iterator[Path]:
         yield shutil.copytree(repository, Path(place, "copy"), ignore=LEFT_OUT)
 
 
-def import_error(fault: Fault, copy: Path) -> str:
-    """Return the last line of the error when the changed module is imported; empty for none."""
-    if fault.module is None:
-        return ""
-    done = _python(copy, "-c", f"import {fault.module}")
-    return (done.stdout.strip().splitlines() or ["?"])[-1] if done.returncode else ""
-
-
-def _verdict(
-    fault: Fault, copy: Path, repository: Path, tests: Sequence[str], marker: str
-) -> tuple[Verdict, str]:
-    done = _pytest(copy, *tests, "-m", marker)
+def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[Verdict, str]:
+    """Return what a run of pytest says of a fault, and the first test that fails."""
     if done.returncode == PASSED:
         return Verdict.NOT_CAUGHT, ""
     failed = _FAILED.search(done.stdout)
-    if done.returncode != SOME_FAILED or failed is None:
-        return Verdict.BROKEN, done.stdout.strip()[-300:]
-    with copied(repository) as clean:
-        passes = _pytest(clean, failed[1]).returncode == PASSED
-    return (Verdict.CAUGHT if passes else Verdict.UNSOUND), failed[1]
+    if done.returncode == SOME_FAILED and failed:
+        return Verdict.CAUGHT, failed[1]
+    return Verdict.BROKEN, done.stdout.strip()[-300:]
 
 
-def _pytest(copy: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return _python(copy, "-m", "pytest", "-x", "-q", "-rfE", "-p", "no:cacheprovider", *arguments)
-
-
-def _python(copy: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run Python on a copy, whose package goes before an installed one."""
+def _pytest(copy: Path, *arguments: str, first: str = PACKAGE) -> subprocess.CompletedProcess[str]:
+    """Run pytest on a copy, whose package goes before an installed one; import a module first."""
+    code = f"import {first}, pytest, sys; sys.exit(pytest.console_main())"
     return subprocess.run(
-        [sys.executable, *arguments],
+        [sys.executable, "-c", code, "-q", "-rfE", "-p", "no:cacheprovider", *arguments],
         cwd=copy,
         env={**os.environ, "PYTHONPATH": str(copy), "COLUMNS": "300"},
         stdout=subprocess.PIPE,

@@ -10,7 +10,7 @@ import pytest
 from support.places import REPOSITORY, TESTS
 
 from faults.fault import PACKAGE, Fault
-from faults.running import Result, Verdict, Width, try_fault
+from faults.running import Result, Verdict, Width, failing_anyway, try_fault
 from faults.table import FAULTS
 
 BY_NAME = {fault.name: fault for fault in FAULTS}
@@ -23,7 +23,7 @@ def test_a_faults_text_occurs_once_and_leaves_python_behind(name: str) -> None:
     text = fault.text(REPOSITORY)
     changed = fault.changed(text)
     assert changed != text
-    if fault.module:
+    if fault.is_python:
         ast.parse(changed)
 
 
@@ -47,6 +47,7 @@ def test_a_text_that_occurs_twice_is_refused() -> None:
         fault.changed("x + x")
 
 
+@pytest.mark.slow
 class TestRunner:
     @pytest.fixture
     def repository(self, tmp_path: Path) -> Path:
@@ -82,11 +83,12 @@ class TestRunner:
         assert caught.test == "tests/core/test_more.py::test_one_is_added"
         assert "a + b" in (repository / PACKAGE / "core/sums.py").read_text()
 
-    def test_what_does_not_import_is_no_fair_fault(self, repository: Path) -> None:
-        found = self.tried(repository, "a +", Width.NAMED)
-        assert (found.verdict, found.test) == (Verdict.BROKEN, "SyntaxError: invalid syntax")
+    @pytest.mark.parametrize("new", ["a +", "a + b\n\n\nundefined"])
+    def test_what_does_not_import_is_no_fair_fault(self, repository: Path, new: str) -> None:
+        assert self.tried(repository, new, Width.NAMED).verdict == Verdict.BROKEN
 
-    def test_a_test_that_fails_anyway_catches_nothing(self, repository: Path) -> None:
-        test = repository / "tests/core/test_sums.py"
-        test.write_text(test.read_text() + "    assert False\n")
-        assert self.tried(repository, "a - b", Width.NAMED).verdict == Verdict.UNSOUND
+    def test_a_test_that_fails_anyway_is_told(self, repository: Path) -> None:
+        failing = "tests/core/test_failing.py::test_never"
+        (repository / "tests/core/test_failing.py").write_text("def test_never():\n    assert 0\n")
+        passing = "tests/core/test_more.py::test_one_is_added"
+        assert failing_anyway([passing, failing], repository) == {failing}
