@@ -123,6 +123,14 @@ class TestRobot:
         assert left == pytest.approx(20.0, rel=0.02)
         assert right == pytest.approx(20.0, rel=0.02)
 
+    def test_a_force_out_of_the_grippers_range_is_its_nearer_end(self, robot, name, monkeypatch):
+        forces = []
+        monkeypatch.setattr(World, "command_velocities", lambda *command: forces.append(command[4]))
+        for asked in (1e-3, 1e3):
+            robot.command_grip(speed=0.05, force=asked)
+        low, high = robot.model.gripper.force_range
+        assert forces == [[low, low], [high, high]]
+
     def test_the_stated_tool_mass_and_centre_are_those_of_the_body(self, world, robot, name):
         links = [i for i in world.links(robot.body).values() if i >= robot.first_tool_link]
         frames = [Pose(*frame).matrix() for frame in world.link_frames(robot.body, links)]

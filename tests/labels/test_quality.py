@@ -28,7 +28,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import ConfigError, RecipeError
 from grasp_factory.factory.generate import generate
-from grasp_factory.labels.force_balance import acceleration, force_residual
+from grasp_factory.labels.force_balance import acceleration, force_residual, pads_on_target
 from grasp_factory.labels.image_metrics import (
     CLIPPED,
     Inspection,
@@ -363,6 +363,14 @@ class TestBalance:
         streams["phase"][:5] = Phase.LIFT
         streams["tactile_body"][5:10, 1] = Label.BACKGROUND
         assert residual(streams) == pytest.approx(0.0, abs=1e-9)
+
+    def test_up_on_the_left_and_down_on_the_right_turns_the_target_about_x(self) -> None:
+        com, shear = np.array([[0.5, 0.0, 0.2]]), np.array([[0.0, 0.0, 3.0]])
+        streams = held_streams(com, shear)
+        streams["tactile_force"][:, 1, 0] = shear  # the target pushes the right pad up
+        force, moment = pads_on_target(streams, com, np.array([0]))
+        assert force == pytest.approx(np.zeros((1, 3)))
+        assert moment == pytest.approx(np.array([[2.0 * 3.0 * 0.02, 0.0, 0.0]]))
 
     @pytest.mark.parametrize("n", [0, 1, 2])
     def test_too_few_records_say_nothing(self, n: int) -> None:

@@ -118,6 +118,11 @@ class TestApply:
         np.testing.assert_array_equal(a.specific_force, b.specific_force)
         np.testing.assert_array_equal(b.angular_velocity, 0.0)
 
+    def test_the_gyroscope_has_other_noise_than_the_accelerometer(self) -> None:
+        alike, nothing = both(noise_density=(1.0, 1.0, 1.0)), np.zeros((9, 3))
+        shown = apply_imu_noise(alike, nothing, nothing, 400.0, 5)
+        assert (shown.specific_force != shown.angular_velocity).all()
+
     @given(SEEDS)
     def test_an_ideal_imu_shows_the_signal(self, seed: int) -> None:
         rng = np.random.default_rng(seed)
