@@ -21,6 +21,8 @@ LEFT_OUT = shutil.ignore_patterns(".*", "*.egg-info")
 LIMIT_S = 3600.0
 """Of one run of pytest; each test has a limit of its own (setup.cfg)."""
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.+?)(?: - .*)?$", re.MULTILINE)
+_OF_EARLY_IMPORTS = "pytest.PytestAssertRewriteWarning"
+"""Libraries that are plugins of pytest, too, are imported before it."""
 PASSED, SOME_FAILED = 0, 1
 """Exit codes of pytest; all others say that it could not run the tests."""
 
@@ -128,8 +130,9 @@ def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[Verdict, str]:
 def _pytest(copy: Path, *arguments: str, first: str = PACKAGE) -> subprocess.CompletedProcess[str]:
     """Run pytest on a copy, whose package goes before an installed one; import a module first."""
     code = f"import {first}, pytest, sys; sys.exit(pytest.console_main())"
+    quiet = ("-q", "-rfE", "-p", "no:cacheprovider", "-W", f"ignore::{_OF_EARLY_IMPORTS}")
     return subprocess.run(
-        [sys.executable, "-c", code, "-q", "-rfE", "-p", "no:cacheprovider", *arguments],
+        [sys.executable, "-c", code, *quiet, *arguments],
         cwd=copy,
         env={**os.environ, "PYTHONPATH": str(copy), "COLUMNS": "300"},
         stdout=subprocess.PIPE,
