@@ -86,6 +86,11 @@ def test_a_relative_link_leads_to_a_file_and_its_heading(page: Path) -> None:
         assert not anchor or anchor in anchors(file), f"{page.name} links to {file.name}#{anchor}"
 
 
+def test_the_index_names_every_page() -> None:
+    named = {file for file, _ in links(DOCS / "index.md")} | {DOCS / "index.md"}
+    assert set(DOCS.rglob("*.md")) - named == set()
+
+
 def test_every_file_of_the_documentation_can_be_reached_from_its_index() -> None:
     seen, todo = set[Path](), [DOCS / "index.md"]
     while todo:
