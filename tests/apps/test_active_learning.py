@@ -35,7 +35,7 @@ from grasp_factory.apps.learning import scores
 from grasp_factory.apps.learning.examples import Examples
 from grasp_factory.apps.learning.scores import Estimate, object_mean
 from grasp_factory.apps.learning.watching import unwatched
-from grasp_factory.cli import progress
+from grasp_factory.cli import run_progress
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
 from grasp_factory.core.splits import SPLITS
@@ -593,7 +593,7 @@ class TestTurning:
         (fly / "flywheel.png").unlink()
         told = json.loads((fly / FILE).read_bytes())
         (fly / FILE).write_text(json.dumps({k: told[k] for k in ("format", "settings")}))
-        make = progress.make
+        make = run_progress.make
 
         def make_until_random(request: Any, *, quiet: bool) -> Any:
             if "random" in request.out.parts:
@@ -601,7 +601,7 @@ class TestTurning:
             return make(request, quiet=quiet)
 
         with monkeypatch.context() as patch:
-            patch.setattr(progress, "make", make_until_random)
+            patch.setattr(run_progress, "make", make_until_random)
             code, _, said = run("flywheel", fly, *FEW)
         assert code == 130
         assert "run the same command again to continue" in said

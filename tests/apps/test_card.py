@@ -235,7 +235,7 @@ def test_missing_rows_are_told(tmp_path: Path, run: Run) -> None:
     path = write_store(tmp_path / "s.zarr", n=12, blocks=1)
     code, out, _ = run("card", path)
     assert code == 0
-    assert "8 rows of" in out
+    assert "8 episodes of" in out
     assert "**8 of 12 rows are missing**" in text_of(Path(f"{path}.card"))
 
 

@@ -28,7 +28,7 @@ from support.places import REPOSITORY
 from grasp_factory import __version__
 from grasp_factory.__main__ import main
 from grasp_factory.cli import main as cli
-from grasp_factory.cli import progress
+from grasp_factory.cli import run_progress
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import RecipeError, StoreError
@@ -137,7 +137,7 @@ class TestGenerate:
             return generate.generate(*args, **more)
 
         monkeypatch.setattr(block_job, "run_episode", fail)
-        monkeypatch.setattr(progress, "generate", here)
+        monkeypatch.setattr(run_progress, "generate", here)
         result = run("generate", "--n", 1, "--workers", 1, "--max-failures", 1, *TINY)
         assert result.code == 0
         assert "episode 0 is quarantined: too heavy" in result.err
@@ -210,7 +210,7 @@ WRONG = [
     (["--out", "loop/x.zarr"], "loop/x.zarr cannot be used: Symlink loop from"),
     (["--out", "b/" * 3000], "cannot be used: File name too long; choose another path"),
     (["--set", r'out="a\0b"'], r"a\x00b cannot be used: embedded null byte"),
-    (["--out", "locked.zarr"], ".locked.zarr.grasp-generate.lock is in the way: it is no lock of"),
+    (["--out", "locked.zarr"], ".locked.zarr.grasp-factory.lock is in the way: it is no lock of"),
     (["--out", "noted.zarr"], "noted.zarr.runs.jsonl cannot be written: Is a directory"),
     (["--set", "seed=2001-99-99"], "--set 'seed=2001-99-99': '2001-99-99' is not valid YAML: "),
     (["--set", "seed=!!int foo"], "'!!int foo' is not valid YAML: invalid literal for int()"),
@@ -230,7 +230,7 @@ def test_a_mistake_is_one_line_and_exit_2_and_nothing_is_written(
     Path("typo.yaml").write_text("wokers: 3")
     Path("twice.yaml").write_text("seed: 3\nseed: 4")
     Path("loop").symlink_to("loop")
-    Path(".locked.zarr.grasp-generate.lock").write_text("mine")
+    Path(".locked.zarr.grasp-factory.lock").write_text("mine")
     Path("noted.zarr.runs.jsonl").mkdir()
     before, names = tree(tmp_path), sorted(tmp_path.rglob("*"))
     result = run("generate", "--n", "1", "--workers", "1", *args)

@@ -17,7 +17,7 @@ import pytest
 from support.helpers import assert_same_tree
 from support.scale import scaled
 
-from grasp_factory.cli import progress
+from grasp_factory.cli import run_progress
 from grasp_factory.cli.signal_handling import RETRY_S
 from grasp_factory.dataset.dataset import Dataset
 
@@ -199,9 +199,9 @@ def test_a_run_that_is_stopped_at_random_instants_ends_in_the_same_bytes(
 def test_a_reader_that_waits_for_ever_does_not_hold_up_a_stopped_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(progress, "READ_S", 0.05)
-    monkeypatch.setattr(progress.Dataset, "open", lambda path: threading.Event().wait())
-    said = progress.stopped_text(Path("ds.zarr"))
+    monkeypatch.setattr(run_progress, "READ_S", 0.05)
+    monkeypatch.setattr(run_progress.Dataset, "open", lambda path: threading.Event().wait())
+    said = run_progress.stopped_text(Path("ds.zarr"))
     assert said == "Stopped: committed episodes stay; run the same command again to continue."
 
 
