@@ -349,7 +349,7 @@ class TestCommand:
         tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        monkeypatch.setattr(sdk, "find_spec", lambda name: None)
+        monkeypatch.setattr("grasp_factory.core.optional.find_spec", lambda name: None)
         code, err = complaint("rerun", TINY, 0)
         assert code == 2
         assert "this needs rerun, which is not installed: pip install 'grasp-factory[rerun]'" in err
