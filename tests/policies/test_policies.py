@@ -39,6 +39,7 @@ from grasp_factory.errors import ConfigError
 from grasp_factory.policies import POLICIES
 from grasp_factory.policies.base import TIP_CLEARANCE, looking_down, target_points
 from grasp_factory.policies.closing import POINT_SIZE, Grip, close_on
+from grasp_factory.policies.direct import DIRECT
 from grasp_factory.policies.solid import SolidColumns
 from grasp_factory.policies.surface import Surface, outline, seen_surface
 from grasp_factory.policies.top_down import RANKED, TopDownParameters
@@ -439,7 +440,7 @@ def test_antipodal_settings_say_what_is_valid() -> None:
 class TestPerturbed:
     VIEW = make_view(brick(*PLACES[1]), resolution=(160, 120))
 
-    @pytest.mark.parametrize("base", ["uniform", "top_down", "antipodal"])
+    @pytest.mark.parametrize("base", DIRECT)
     def test_without_noise_it_is_the_base(self, base: str) -> None:
         silent = plan("perturbed", self.VIEW, 4, base=base, position_sigma=0, rotation_sigma_deg=0)
         asked = plan(base, self.VIEW, 4)
@@ -475,7 +476,7 @@ class TestPerturbed:
         with pytest.raises(ConfigError) as caught:
             POLICIES["perturbed"].settings({"base": base})
         assert str(caught.value) == (
-            f"policy_parameters.perturbed.base: got {base!r}, valid: uniform, top_down, antipodal"
+            f"policy_parameters.perturbed.base: got {base!r}, valid: {', '.join(DIRECT)}"
         )
 
     def test_the_recipe_holds_the_bases_settings_too(self) -> None:
@@ -525,7 +526,7 @@ class TestMixture:
 
     def test_by_default_it_mixes_all_that_look_for_themselves(self) -> None:
         proposers = {plan("mixture", self.VIEW, seed)[0].proposer for seed in range(30)}
-        assert proposers == {"uniform", "top_down", "antipodal"}
+        assert proposers == set(DIRECT)
 
     def test_the_recipe_holds_the_parts_settings_too(self) -> None:
         recipe = to_plain(POLICIES["mixture"].settings({"weights": {"top_down": 1}}))
@@ -537,7 +538,7 @@ class TestMixture:
         [
             (
                 {"weights": {"mixture": 1}},
-                "weights: got 'mixture', valid: uniform, top_down, antipodal, perturbed",
+                f"weights: got 'mixture', valid: {', '.join(DIRECT)}, perturbed",
             ),
             ({"weights": {}}, "weights: got {}, valid: names with weights >= 0"),
             ({"weights": {"uniform": 0}}, "weights: got {'uniform': 0.0}, valid: names"),
