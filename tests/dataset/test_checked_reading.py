@@ -21,7 +21,7 @@ from grasp_factory.curation.merge import split
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError, StoreError
 from grasp_factory.writers.zarr.chunks import unpack, unpack_words
-from grasp_factory.writers.zarr.encoding import packed_chunk
+from grasp_factory.writers.zarr.encoding import packed_chunk, packed_shard
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
@@ -86,6 +86,22 @@ class TestAForgedValue:
         for read in reads:
             with pytest.raises(StoreError, match=f"episode {i} .*object_mass does not match"):
                 read()
+
+    def test_of_an_image_is_refused_when_it_is_read_alone(self, copy: Path) -> None:
+        i, plain = row_of(copy, 1), Dataset.open(copy)
+        camera = next(iter(plain.config.cameras))
+        path, size = f"cameras/{camera}/rgb", plain.config.block_size
+        block = i // size
+        images = np.array(plain.arrays()[path][block * size : (block + 1) * size])
+        images[i % size, 0] ^= 1
+        frames = list(images.reshape(-1, *images.shape[2:]))
+        shard = packed_shard(frames, size * images.shape[1], 1)
+        (copy / path / f"{block}.0.0.0.0").write_bytes(shard)
+        assert (plain.image(i, camera, "rgb", 0) == images[i % size, 0]).all()
+        checked = Dataset.open(copy, checked=True)
+        for read in (checked.image, lambda *which: checked.images([i], *which[1:])):
+            with pytest.raises(StoreError, match=f"episode {i} .*{path} does not match"):
+                read(i, camera, "rgb", 0)
 
     def test_of_another_array_does_not_matter(self, copy: Path) -> None:
         i = row_of(copy, 1)
