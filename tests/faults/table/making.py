@@ -31,7 +31,7 @@ FAULTS = (
         "factory/executors/pool.py",
         "return [results[place] for place in range(len(jobs))]",
         "return list(results.values())",
-        ("factory/test_executors.py",),
+        ("conformance/test_executors.py", "factory/test_executors.py"),
     ),
     Fault(
         "quarantine-wins-in-a-merge",

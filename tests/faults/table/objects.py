@@ -45,7 +45,7 @@ FAULTS = (
         "policies/perturbed.py",
         "math.radians(settings.rotation_sigma_deg) * normal(rng, 3)",
         "settings.rotation_sigma_deg * normal(rng, 3)",
-        ("policies/test_policies.py",),
+        ("policies/test_policies.py", "conformance/test_policies.py"),
     ),
     Fault(
         "pads-not-swapped-by-a-mirror",

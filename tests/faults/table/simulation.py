@@ -38,7 +38,7 @@ FAULTS = (
         "simulation/robot.py",
         "force = min(max(force, low), high)",
         "force = max(force, low)",
-        ("simulation/test_robot.py",),
+        ("conformance/test_robots.py",),
     ),
     Fault(
         "background-of-other-surroundings",

@@ -28,10 +28,10 @@ FAULTS = (
     ),
     Fault(
         "lock-on-a-removed-file",
-        "writers/zarr/lock_file.py",
-        "taken = self._is_at_its_place(descriptor)",
-        "taken = True",
-        ("writers/test_store.py", "factory/test_shards.py"),
+        "core/locked_file.py",
+        "if has_name(descriptor, file):",
+        "if descriptor:",
+        ("core/test_locked_file.py", "writers/test_store.py"),
     ),
     Fault(
         "shard-index-not-compared",
@@ -43,8 +43,10 @@ FAULTS = (
     Fault(
         "single-frames-not-checked",
         "dataset/checked_reader.py",
-        "out[k] = self.read(row, row + 1)[0, frame]",
-        "out[k] = self._array.read(row, row + 1)[0, frame]",
+        "    def _check(self, values: NDArray[Any], start: int, stop: int) -> None:",
+        "    def read_frames(self, rows, frame):\n"
+        "        return self._array.read_frames(rows, frame)\n\n"
+        "    def _check(self, values: NDArray[Any], start: int, stop: int) -> None:",
         ("dataset/test_checked_reading.py",),
     ),
     Fault(
@@ -64,8 +66,8 @@ FAULTS = (
     Fault(
         "annotations-appended-without-a-lock",
         "dataset/annotations/log_file.py",
-        "fcntl.LOCK_EX | fcntl.LOCK_NB",
-        "fcntl.LOCK_SH | fcntl.LOCK_NB",
+        "open_locked(file, flags=os.O_APPEND, mode=0o666, check=check)",
+        "open_locked(file, flags=os.O_APPEND, mode=0o666, check=check, shared=True)",
         ("dataset/test_annotations.py",),
     ),
     Fault(
