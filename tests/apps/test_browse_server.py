@@ -869,7 +869,7 @@ class TestTheCommand:
         own_store: Path,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        monkeypatch.setattr("grasp_factory.apps.browse.find_spec", lambda name: None)
+        monkeypatch.setattr("grasp_factory.core.optional.find_spec", lambda name: None)
         code, said = complaint("browse", own_store, "--no-open")
         assert code == 2
         assert "pip install 'grasp-factory[browse]'" in said
