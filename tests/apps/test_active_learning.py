@@ -33,7 +33,7 @@ from grasp_factory.apps.active_learning.stores import StoreFacts, complete, make
 from grasp_factory.apps.active_learning.text import flywheel_text
 from grasp_factory.apps.learning import scores
 from grasp_factory.apps.learning.examples import Examples
-from grasp_factory.apps.learning.scores import Estimate, object_mean
+from grasp_factory.apps.learning.scores import Estimate
 from grasp_factory.apps.learning.watching import unwatched
 from grasp_factory.cli import run_progress
 from grasp_factory.core.cache import VARIABLE
@@ -197,41 +197,6 @@ class TestSettings:
         config = FactoryConfig(policy_parameters={"learned": {"candidates": 0}})
         with pytest.raises(ConfigError, match=r"learned\.candidates: got 0"):
             FlywheelSettings(config=config).check_learned()
-
-
-VALUES = st.lists(
-    st.tuples(st.integers(0, 5), st.floats(-10.0, 10.0)), min_size=1, max_size=40
-)  # fmt: skip
-
-
-class TestMeansOverObjects:
-    @given(VALUES)
-    def test_the_value_is_the_mean_and_the_interval_within_the_extremes(
-        self, drawn: list[tuple[int, float]]
-    ) -> None:
-        objects, values = (np.array(part) for part in zip(*drawn, strict=True))
-        found = object_mean(values, objects.astype(str))
-        assert found.value == pytest.approx(values.mean())
-        assert values.min() - 1e-9 <= found.low <= found.high <= values.max() + 1e-9
-
-    @given(VALUES, st.randoms(use_true_random=False))
-    def test_the_order_of_the_episodes_says_nothing(
-        self, drawn: list[tuple[int, float]], random: Any
-    ) -> None:
-        mixed = random.sample(drawn, len(drawn))
-        there, here = (
-            object_mean(np.array([v for _, v in rows]), np.array([str(o) for o, _ in rows]))
-            for rows in (drawn, mixed)
-        )
-        assert dataclasses.astuple(here) == pytest.approx(dataclasses.astuple(there))
-
-    def test_the_interval_is_as_wide_as_the_number_of_objects_says(self) -> None:
-        rng = np.random.default_rng(0)
-        of_object = rng.normal(size=400)
-        objects = np.repeat(np.arange(400), 5)
-        found = object_mean(of_object[objects], objects.astype(str))
-        error = of_object.std() / np.sqrt(400)  # not 2000: an object's episodes are alike
-        assert found.high - found.low == pytest.approx(2 * 1.96 * error, rel=0.1)
 
 
 def table_of(**columns: Any) -> Any:

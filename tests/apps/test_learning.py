@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,13 @@ from grasp_factory.apps.learning.comparison import Course, compare, read_splits,
 from grasp_factory.apps.learning.curve import Steps, learning_curve
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
 from grasp_factory.apps.learning.report import report_of, training_report_text
-from grasp_factory.apps.learning.scores import FIGURES, Bootstrap, auc, calibration_error
+from grasp_factory.apps.learning.scores import (
+    FIGURES,
+    Bootstrap,
+    auc,
+    calibration_error,
+    object_mean,
+)
 from grasp_factory.apps.learning.training import TrainSettings, cross_entropy, fit
 from grasp_factory.apps.learning.trivial import majority, pose_only
 from grasp_factory.apps.learning.watching import unwatched
@@ -446,3 +453,38 @@ def test_without_the_extra_the_command_says_what_to_install(
     code, said = complaint("train", tmp_path)
     assert code == 2
     assert "pip install 'grasp-factory[train]'" in said
+
+
+VALUES = st.lists(
+    st.tuples(st.integers(0, 5), st.floats(-10.0, 10.0)), min_size=1, max_size=40
+)  # fmt: skip
+
+
+class TestMeansOverObjects:
+    @given(VALUES)
+    def test_the_value_is_the_mean_and_the_interval_within_the_extremes(
+        self, drawn: list[tuple[int, float]]
+    ) -> None:
+        objects, values = (np.array(part) for part in zip(*drawn, strict=True))
+        found = object_mean(values, objects.astype(str))
+        assert found.value == pytest.approx(values.mean())
+        assert values.min() - 1e-9 <= found.low <= found.high <= values.max() + 1e-9
+
+    @given(VALUES, st.randoms(use_true_random=False))
+    def test_the_order_of_the_episodes_says_nothing(
+        self, drawn: list[tuple[int, float]], random: Any
+    ) -> None:
+        mixed = random.sample(drawn, len(drawn))
+        there, here = (
+            object_mean(np.array([v for _, v in rows]), np.array([str(o) for o, _ in rows]))
+            for rows in (drawn, mixed)
+        )
+        assert dataclasses.astuple(here) == pytest.approx(dataclasses.astuple(there))
+
+    def test_the_interval_is_as_wide_as_the_number_of_objects_says(self) -> None:
+        rng = np.random.default_rng(0)
+        of_object = rng.normal(size=400)
+        objects = np.repeat(np.arange(400), 5)
+        found = object_mean(of_object[objects], objects.astype(str))
+        error = of_object.std() / np.sqrt(400)  # not 2000: an object's episodes are alike
+        assert found.high - found.low == pytest.approx(2 * 1.96 * error, rel=0.1)
