@@ -4,6 +4,7 @@ GraspFactoryError
 ├── UsageError                  the user asked for something impossible (exit code 2)
 │   ├── ConfigError             also ValueError: a config key or value
 │   ├── UnknownNameError        also KeyError: a name that is not in its table
+│   ├── MissingLibraryError     a library that is not installed
 │   └── StoreMismatchError      the path holds another store, or no store
 ├── StoreError                  a store that cannot be read or written (exit code 1)
 │   └── StoreBusyError          another process holds the store
@@ -55,6 +56,10 @@ class UnknownNameError(UsageError, KeyError):
 
     def __str__(self) -> str:  # KeyError would print the repr of the message
         return str(self.args[0])
+
+
+class MissingLibraryError(UsageError):
+    """A library that is not installed, or was built wrong; the message says what to do."""
 
 
 class StoreMismatchError(UsageError):

@@ -133,8 +133,8 @@ def _plan(path: Path, index: int, video: Path, given: dict[str, Any]) -> VideoPl
         StoreError: if the episode cannot be read.
     """
     from grasp_factory.apps.playback.playback import Pace, View, free_camera, plan_video
-    from grasp_factory.curation.replay import check_index
     from grasp_factory.dataset.dataset import Dataset
+    from grasp_factory.dataset.selection import check_index
 
     pace = Pace(**{name: given.pop(name) for name in ("fps", "speed") if name in given})
     ends = [given.pop(name) for name in ("eye", "target") if name in given]

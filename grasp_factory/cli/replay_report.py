@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from grasp_factory.core.text_format import percent, table
 from grasp_factory.curation.episode_distance import EpisodeDistance, ImageDistance, PoseDistance
-from grasp_factory.curation.replay import Replay
+
+if TYPE_CHECKING:
+    from grasp_factory.curation.replay import Replay
 
 
 def replay_text(result: Replay) -> str:

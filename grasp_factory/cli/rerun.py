@@ -42,7 +42,7 @@ def rerun_(path: Path, index: int, out: Path | None, opened: bool) -> None:
 
     require_rerun()
     from grasp_factory.apps.rerun.recording import write_recording
-    from grasp_factory.curation.replay import check_index
+    from grasp_factory.dataset.selection import check_index
 
     dataset = Dataset.open(path)
     index = check_index(dataset, index)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from grasp_factory.cli.store_report import store_text
 from grasp_factory.core.text_format import count, duration_text, percent, size_text, table
-from grasp_factory.factory.dry_run import Forecast
-from grasp_factory.factory.generate import RunPlan, Summary
 from grasp_factory.factory.run_request import WHOLE
+
+if TYPE_CHECKING:
+    from grasp_factory.factory.dry_run import Forecast
+    from grasp_factory.factory.generate import RunPlan, Summary
 
 MOST_NAMED = 10
 """Quarantined episodes that a summary names."""

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from grasp_factory.errors import UsageError
-
-PYBULLET_WHEELS = (
-    "it has wheels for CPython up to 3.11 on x86-64 Linux, and builds from source on newer ones"
-)
+from grasp_factory.errors import MissingLibraryError
 
 
 def require(*modules: str, extra: str) -> None:
@@ -19,17 +15,17 @@ def require(*modules: str, extra: str) -> None:
         extra: the extra of this package that installs them.
 
     Raises:
-        UsageError: naming the missing libraries and the command that installs them.
+        MissingLibraryError: naming the missing libraries and the command that installs them.
     """
     missing = [name for name in modules if find_spec(name) is None]
     if missing:
         raise missing_libraries(*missing, extra=extra)
 
 
-def missing_libraries(*modules: str, extra: str) -> UsageError:
+def missing_libraries(*modules: str, extra: str) -> MissingLibraryError:
     """Return the error to raise when libraries of an extra are not installed."""
     verb = "is" if len(modules) == 1 else "are"
-    return UsageError(
+    return MissingLibraryError(
         f"this needs {', '.join(modules)}, which {verb} not installed:"
         f" pip install 'grasp-factory[{extra}]'"
     )
@@ -39,10 +35,12 @@ def require_pybullet() -> None:
     """Check that PyBullet is installed, without importing it.
 
     Raises:
-        UsageError: naming the command that installs it.
+        MissingLibraryError: naming the command that installs it.
     """
     if find_spec("pybullet") is None:
-        raise UsageError(
+        raise MissingLibraryError(
             "this simulates or reads PyBullet's models and needs pybullet, which is not installed:"
-            f" pip install 'grasp-factory[simulation]' ({PYBULLET_WHEELS})"
+            " pip install 'grasp-factory[simulation]' (wheels: CPython up to 3.11 on x86-64 Linux;"
+            " elsewhere first pip install numpy setuptools wheel, then add --no-build-isolation,"
+            " for GCC 14 after CFLAGS=-Wno-error=incompatible-pointer-types)"
         )

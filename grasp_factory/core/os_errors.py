@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+from collections.abc import Iterator
+from pathlib import Path
+
+from grasp_factory.errors import StoreError
 
 MACHINE_TROUBLE = {
     errno.ENOSPC,
@@ -29,3 +34,21 @@ GO_ON = "committed episodes stay: solve this and run the same command again to c
 """End of the message of a run that such an error stopped."""
 NO_THREAD = "can't start new thread"
 """Message of Python's RuntimeError where the number of processes or the memory is limited."""
+
+
+@contextlib.contextmanager
+def saying_how_to_go_on(path: Path | None = None) -> Iterator[None]:
+    """Add to an error of the disk what it means for the store, and its path where none is named."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in MACHINE_TROUBLE:
+            raise
+        where = error.filename or path
+        named = f"{where}: " if where else ""
+        raise StoreError(f"{named}{error.strerror}; {GO_ON}") from None
+    except StoreError as error:
+        is_of_disk = isinstance(error.__context__, OSError)
+        if not is_of_disk or str(error).endswith(GO_ON):
+            raise
+        raise StoreError(f"{error}; {GO_ON}") from None

@@ -19,7 +19,7 @@ def folder_of(package: str) -> Path:
     """Return the folder of an installed package, one of ``PACKAGES``.
 
     Raises:
-        UsageError: if PyBullet, which brings ``pybullet_data``, is not installed.
+        MissingLibraryError: if PyBullet, which brings ``pybullet_data``, is not installed.
     """
     if package == "pybullet_data":
         require_pybullet()
@@ -29,5 +29,6 @@ def folder_of(package: str) -> Path:
 
 
 def package_folders() -> dict[str, Path]:
-    """Return the folder of each package, by the prefix that stands for it in a URDF file."""
-    return {f"{SCHEME}{package}/": folder_of(package) for package in PACKAGES}
+    """Return the folders of the installed packages by the prefixes that URDF files use."""
+    there = [package for package in PACKAGES if find_spec(package) is not None]
+    return {f"{SCHEME}{package}/": folder_of(package) for package in there}

@@ -20,7 +20,8 @@ from grasp_factory.curation.episode_distance import (
     first_different,
 )
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.errors import RecipeError, StoreError, UsageError
+from grasp_factory.dataset.selection import check_index
+from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.factory import embedded_assets
 from grasp_factory.simulation.fingerprint import fingerprint
 from grasp_factory.simulation.rollout import run_episode
@@ -121,18 +122,3 @@ def made_on(dataset: Dataset, index: int) -> Fingerprint | None:
     if "fingerprint" not in dataset.columns:
         return fingerprint_of(dataset.attributes)
     return parsed(str(Columns.open(dataset.path).read_rows("fingerprint", index, index + 1)[0]))
-
-
-def check_index(dataset: Dataset, index: int) -> int:
-    """Return the index if the store has an episode there, made or quarantined.
-
-    Raises:
-        UsageError: naming the valid indices.
-    """
-    if not 0 <= index < len(dataset):
-        raise UsageError(f"episode {index}: {dataset.path} has episodes 0 to {len(dataset) - 1}")
-    if dataset.status[index] == 0:
-        raise UsageError(
-            f"episode {index} of {dataset.path} is not made yet: run its generate command again"
-        )
-    return index

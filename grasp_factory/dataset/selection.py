@@ -1,4 +1,4 @@
-"""Lists of episodes in files, which `query --ids` prints and ``--ids FILE`` of commands takes."""
+"""Episodes that a user names: by index, or in a file that `query --ids` prints."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TextIO
 
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, UsageError, shown
 
 LONGEST = 9
@@ -108,3 +109,18 @@ def _is_same(path: str, store: Path) -> bool:
         return os.path.samefile(path, store)
     except (OSError, ValueError):  # one of them is not there, or is no path at all
         return False
+
+
+def check_index(dataset: Dataset, index: int) -> int:
+    """Return the index if the store has an episode there, made or quarantined.
+
+    Raises:
+        UsageError: naming the valid indices.
+    """
+    if not 0 <= index < len(dataset):
+        raise UsageError(f"episode {index}: {dataset.path} has episodes 0 to {len(dataset) - 1}")
+    if dataset.status[index] == 0:
+        raise UsageError(
+            f"episode {index} of {dataset.path} is not made yet: run its generate command again"
+        )
+    return index

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.os_errors import GO_ON, MACHINE_TROUBLE
+from grasp_factory.core.os_errors import saying_how_to_go_on
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import StoreSummary, summarise
-from grasp_factory.errors import StoreBusyError, StoreError
+from grasp_factory.errors import StoreBusyError
 from grasp_factory.factory import embedded_assets
-from grasp_factory.factory.block_job import Begun, BlockJob, BlockMaker, Committed, Made, shard_rows
+from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made, shard_rows
+from grasp_factory.factory.block_maker import BlockMaker
 from grasp_factory.factory.executors import ProcessExecutor, make_executor
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.resume import check_platform, warn_of_other_versions
@@ -164,24 +165,6 @@ def generate(
 def origin_attributes(config: FactoryConfig, robot: RobotModel) -> dict[str, Any]:
     """Return root attributes of a new store: the robot's facts and this platform's fingerprint."""
     return {"robot": robot.facts(), FINGERPRINT: fingerprint(config).parts()}
-
-
-@contextlib.contextmanager
-def saying_how_to_go_on(path: Path | None = None) -> Iterator[None]:
-    """Add to an error of the disk what it means for the store, and its path where none is named."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in MACHINE_TROUBLE:
-            raise
-        where = error.filename or path
-        named = f"{where}: " if where else ""
-        raise StoreError(f"{named}{error.strerror}; {GO_ON}") from None
-    except StoreError as error:
-        is_of_disk = isinstance(error.__context__, OSError)
-        if not is_of_disk or str(error).endswith(GO_ON):
-            raise
-        raise StoreError(f"{error}; {GO_ON}") from None
 
 
 def _lock(request: Request) -> StoreLock | ShardLock:

@@ -59,7 +59,7 @@ class RobotModel:
         """Return the URDF file.
 
         Raises:
-            UsageError: if PyBullet's data, which holds it, is not installed.
+            MissingLibraryError: if PyBullet's data, which holds it, is not installed.
         """
         if self.urdf.startswith("assets/"):
             return folder_of("grasp_factory") / "robots" / self.urdf

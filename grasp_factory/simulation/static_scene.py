@@ -10,6 +10,7 @@ from grasp_factory.core.camera import Camera
 from grasp_factory.core.config.sections import CameraConfig, Mount
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.geometry import IDENTITY
+from grasp_factory.core.workspace import TABLE_CENTER_XY, TABLE_HEIGHT, TABLE_SIZE
 from grasp_factory.errors import lookup
 from grasp_factory.robots import ROBOTS, RobotModel
 from grasp_factory.simulation.images import Render, make_camera, render
@@ -17,11 +18,6 @@ from grasp_factory.simulation.robot import Robot
 from grasp_factory.simulation.world import World
 from grasp_factory.simulation.world.foot import foot_of
 
-TABLE_CENTER_XY = (0.45, 0.0)
-"""Metres; the robot's base, at the origin, stands 0.25 m inside the table's near edge."""
-TABLE_SIZE = (1.40, 1.40, 0.05)
-TABLE_HEIGHT = 0.75
-"""Metres between floor and table top, which is z = 0."""
 FLOOR_SIZE = (8.0, 8.0, 0.10)
 TABLE_FRICTION = 1.0
 """The pair's friction is the product, so the object's own value decides."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from grasp_factory.apps.browse.numbers import rounded
 from grasp_factory.apps.browse.shelf import OpenStore
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.errors import StoreError
+from grasp_factory.errors import MissingLibraryError, StoreError
+from grasp_factory.robots import ROBOTS, arm_chain
 from grasp_factory.robots.kinematics import Chain
 from grasp_factory.signals.plot_series import CurveGroup, Series, curve_groups, phase_spans
 from grasp_factory.signals.touch import taxel_image
@@ -116,10 +117,18 @@ def _group(group: CurveGroup) -> dict[str, Any]:
 
 
 def _links(robot: str, joint_positions: NDArray[Any]) -> dict[str, Any]:
-    """Return the arm's joints and TCP, world, over time; none of a robot that is not known here."""
-    chains = _chains(robot)
+    """Return the arm's joints and TCP, world, over time; none of a robot that is not known here.
+
+    Where PyBullet, which ships some robots, is not installed, a note says so.
+    """
+    unknown: dict[str, Any] = {"names": [], "positions": []}
+    try:
+        chains = _chains(robot)
+    except MissingLibraryError:
+        why = "its model comes with PyBullet, which is not installed where this page comes from"
+        return unknown | {"note": f"The arm is not drawn: {why}."}
     if not chains:
-        return {"names": [], "positions": []}
+        return unknown
     q = np.asarray(joint_positions, np.float64)
     places = [chain.fk(q[:, : len(chain.joint_names)])[:, :3, 3] for chain in chains]
     names = ["base", *chains[-1].joint_names, "tcp"]
@@ -132,9 +141,6 @@ def _links(robot: str, joint_positions: NDArray[Any]) -> dict[str, Any]:
 @lru_cache
 def _chains(robot: str) -> tuple[Chain, ...]:
     """Return the chain to each joint's own frame, and at last to the TCP."""
-    # This loads the simulator's engine, which nothing else on the page needs.
-    from grasp_factory.robots import ROBOTS, arm_chain  # noqa: PLC0415
-
     if robot not in ROBOTS:
         return ()
     whole = arm_chain(ROBOTS[robot])

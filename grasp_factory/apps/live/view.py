@@ -22,10 +22,10 @@ from grasp_factory.apps.browse import require_server
 from grasp_factory.apps.live.watch import FAILED, FINISHED, RUNNING, RunWatch, in_a_line
 from grasp_factory.errors import UsageError
 from grasp_factory.factory.block_job import Made
-from grasp_factory.factory.generate import RunPlan
 
 if TYPE_CHECKING:
     from grasp_factory.apps.browse.serving import Server
+    from grasp_factory.factory.generate import RunPlan
 
 HOST = "127.0.0.1"
 LONGEST_ERROR = 500

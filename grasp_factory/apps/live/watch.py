@@ -11,14 +11,16 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grasp_factory.apps.live.alarms import AlarmBook, findings
 from grasp_factory.apps.live.facts import BlockFacts
 from grasp_factory.apps.live.state import Asked, LiveState
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.factory.block_job import LONGEST_REASON, Made
-from grasp_factory.factory.generate import RunPlan
+
+if TYPE_CHECKING:
+    from grasp_factory.factory.generate import RunPlan
 
 STEP_S = 1.0
 """Seconds from a look at the run to the next."""

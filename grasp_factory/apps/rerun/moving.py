@@ -1,7 +1,13 @@
-"""What moves: the robot by its joints, and the objects, as they were recorded."""
+"""What moves: the robot by its joints, and the objects, as they were recorded.
+
+A robot or an object whose shape PyBullet ships is left out where PyBullet is not installed.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import rerun as rr
@@ -13,9 +19,9 @@ from grasp_factory.core.enums import Label, label_names
 from grasp_factory.core.episode import Episode, ObjectSpec
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.package_files import folder_of
-from grasp_factory.errors import lookup
+from grasp_factory.errors import GraspFactoryWarning, MissingLibraryError, lookup
 from grasp_factory.objects import UrdfFile, find_set, visual_parts
-from grasp_factory.robots import ROBOTS
+from grasp_factory.robots import ROBOTS, RobotModel
 
 ROBOT = "robot"
 OBJECTS = "world/objects"
@@ -24,6 +30,13 @@ OBJECTS = "world/objects"
 def log_robot(recording: rr.RecordingStream, robot: str, track: Track, folder: Path) -> None:
     """Log a robot from its URDF, with the motion of its joints."""
     model = lookup(ROBOTS, "robot", robot)
+    with _left_out_where_missing(f"robot {robot}"):
+        _log_joints(recording, model, track, folder)
+
+
+def _log_joints(
+    recording: rr.RecordingStream, model: RobotModel, track: Track, folder: Path
+) -> None:
     tree = log_urdf(recording, model.path(), folder, ROBOT)
     root = rr.Transform3D(parent_frame="tf#/", child_frame=f"{ROBOT}/{model.base_link}")
     recording.log(f"{ROBOT}/base", root, static=True)
@@ -45,7 +58,17 @@ def log_objects(
     for m, (word, recipe) in enumerate(zip(words, episode.spec.objects, strict=True)):
         entity = f"{OBJECTS}/{word}"
         recording.send_columns(entity, [seconds(track.timestamp)], poses(track.objects[:, m]))
-        _log_shape(recording, recipe, word, folder)
+        with _left_out_where_missing(f"shape of {word} {recipe.object_id}"):
+            _log_shape(recording, recipe, word, folder)
+
+
+@contextlib.contextmanager
+def _left_out_where_missing(what: str) -> Iterator[None]:
+    try:
+        yield
+    except MissingLibraryError:
+        why = "its model comes with PyBullet, which is not installed"
+        warnings.warn(f"{what} is left out: {why}", GraspFactoryWarning, stacklevel=4)
 
 
 def _log_shape(recording: rr.RecordingStream, recipe: ObjectSpec, word: str, folder: Path) -> None:

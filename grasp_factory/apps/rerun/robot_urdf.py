@@ -44,9 +44,14 @@ def log_urdf(
 
 
 def seen_urdf(path: Path, color: Sequence[float] | None = None) -> bytes:
-    """Return a URDF file with absolute mesh names and without what is not seen."""
+    """Return a URDF file with absolute mesh names and without what is not seen.
+
+    A link is seen as the shape that collides where its mesh belongs to a package that is not
+    installed.
+    """
     robot = ElementTree.parse(path).getroot()
     for link in robot.findall("link"):
+        _show_collisions_for_missing(link, path.parent)
         for part in [part for part in link if part.tag in _UNSEEN]:
             link.remove(part)
         for visual in link.findall("visual"):
@@ -55,6 +60,21 @@ def seen_urdf(path: Path, color: Sequence[float] | None = None) -> bytes:
             if color is not None:
                 _paint(visual, color)
     return ElementTree.tostring(robot)
+
+
+def _show_collisions_for_missing(link: Element, folder: Path) -> None:
+    """Draw a link by its collision shapes, in its colour, where a mesh to draw is not there."""
+    visuals = link.findall("visual")
+    meshes = [mesh.get("filename", "") for visual in visuals for mesh in visual.iter("mesh")]
+    if all(_found(name, folder).is_file() for name in meshes):
+        return
+    material = visuals[0].find("material")
+    for visual in visuals:
+        link.remove(visual)
+    for shape in link.findall("collision"):
+        shape.tag = "visual"
+        if material is not None:
+            shape.append(material)
 
 
 def _paint(visual: Element, color: Sequence[float]) -> None:

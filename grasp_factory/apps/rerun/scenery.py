@@ -8,7 +8,7 @@ import rerun as rr
 from grasp_factory.apps.rerun.clock import poses, seconds
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.geometry import Array
-from grasp_factory.simulation.static_scene import TABLE_CENTER_XY, TABLE_SIZE
+from grasp_factory.core.workspace import TABLE_CENTER_XY, TABLE_SIZE
 
 GRASP = "world/grasp"
 TCP = "world/tcp"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grasp_factory.core import schema
 from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
@@ -16,11 +16,14 @@ from grasp_factory.curation.verify.contents import fingerprint_problems, read_bl
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import StoreError
-from grasp_factory.factory.block_job import Begun, BlockJob, BlockMaker, in_few_words
+from grasp_factory.factory.block_job import Begun, BlockJob, in_few_words
 from grasp_factory.factory.executors import SendMessage
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr.layout import block_files
 from grasp_factory.writers.zarr.writer import COMMITTED, ZarrWriter
+
+if TYPE_CHECKING:
+    from grasp_factory.factory.block_maker import BlockMaker
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,8 +107,7 @@ class BlockMender:
                 return
             rows[i] = row
             remade.append(RebuiltEpisode(episode=i, before=_recorded(found[i]), after=after))
-        here = self._maker.fingerprint
-        of_rows = [here if i in simulated else texts[i] or "" for i in rows]
+        of_rows = [self._maker.fingerprint if i in simulated else texts[i] or "" for i in rows]
         self._writer.write_block(job.block, [row for row in rows.values() if row], of_rows)
         report(replace(came, remade=tuple(remade)))
 
@@ -173,6 +175,8 @@ class BlockMender:
 
     @cached_property
     def _maker(self) -> BlockMaker:
+        from grasp_factory.factory.block_maker import BlockMaker  # noqa: PLC0415 - and the simulator
+
         return BlockMaker(self._pieces.config, self._template)
 
     @cached_property

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.os_errors import saying_how_to_go_on
 from grasp_factory.core.serialization import from_plain
 from grasp_factory.curation.relabel import relabel
 from grasp_factory.curation.repair.rebuild import RebuiltEpisode, checksums
@@ -21,7 +22,6 @@ from grasp_factory.curation.verify.partial_store import open_pieces
 from grasp_factory.curation.verify.problems import Problem, VerifyReport
 from grasp_factory.curation.verify.verification import verify
 from grasp_factory.errors import GraspFactoryError
-from grasp_factory.factory.generate import generate, saying_how_to_go_on
 from grasp_factory.writers.zarr.label_columns import LABEL_COLUMNS, LABELS
 from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.segment_packing import pack
@@ -123,6 +123,8 @@ def _generated(
     on_episode: Callable[[int], None],
 ) -> list[RebuiltEpisode]:
     """Generate the absent blocks; return the episodes in them."""
+    from grasp_factory.factory.generate import generate  # noqa: PLC0415 - loads the simulator
+
     pieces = open_pieces(path)[0]
     try:
         generate(

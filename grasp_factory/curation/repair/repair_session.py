@@ -31,7 +31,6 @@ from grasp_factory.errors import ConfigError, GraspFactoryError
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, Made
 from grasp_factory.factory.executors import Executor, ProcessExecutor
-from grasp_factory.factory.generate import origin_attributes
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.retry_policy import Losses
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S
@@ -115,6 +114,9 @@ class RepairSession:
 
         It is done only if what is left equals the metadata that is rebuilt here and now.
         """
+        # This loads the simulator.
+        from grasp_factory.factory.generate import origin_attributes  # noqa: PLC0415
+
         place = self._path / FILE
         if has_config(self._path):
             left = read_document(place)[0]["attributes"]

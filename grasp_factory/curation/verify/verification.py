@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from grasp_factory.core.optional import require_pybullet
 from grasp_factory.core.platforms import PARTS, differing, fingerprint_of, meaning, parsed
 from grasp_factory.core.serialization import check, is_integer
 from grasp_factory.core.text_format import count
@@ -59,7 +60,8 @@ def verify(
         on_episode: called with the number of each row, when it was checked or simulated.
 
     Raises:
-        UsageError: if there is no store, or for a number that is none.
+        UsageError: if there is no store, for a number that is not valid, or if episodes are to be
+            simulated and PyBullet is not installed.
     """
     path = Path(path)
     for key, got, low, high in (
@@ -69,6 +71,8 @@ def verify(
     ):
         ok = is_integer(got) and low <= got <= high
         check(ok, key, got, f"an integer from {low} to {high}")
+    if deep:
+        require_pybullet()
     damaged = root_problem(path)
     if damaged and not has_config(path):
         return _unreadable(path, damaged)

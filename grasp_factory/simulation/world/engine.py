@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from grasp_factory.core.optional import require_pybullet
+from grasp_factory.errors import MissingLibraryError
 
 _LIBC = ctypes.CDLL(None)
 
@@ -32,6 +33,13 @@ require_pybullet()
 with muted(2):  # "pybullet build time: ..."
     import pybullet as p
     import pybullet_data
+
+if not p.isNumpyEnabled():
+    raise MissingLibraryError(
+        "this pybullet was built without numpy and makes no images: pip install numpy setuptools"
+        " wheel, then pip install --no-build-isolation --no-cache-dir --force-reinstall --no-deps"
+        " pybullet==3.2.7"
+    )
 
 DATA = Path(pybullet_data.getDataPath())
 

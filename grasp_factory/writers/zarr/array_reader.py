@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from zarr.codecs import (
     BytesCodec,
     Crc32cCodec,
-    Endian,
     ShardingCodec,
-    ShardingCodecIndexLocation,
     VLenUTF8Codec,
     ZstdCodec,
 )
@@ -103,25 +101,38 @@ def open_arrays(
     return {p: stored(open_array(root, p), folder / p) for p in there}
 
 
+_LITTLE = BytesCodec(endian="little")
+_NUMBERS = (BytesCodec(endian=None), _LITTLE)
+_SHARD = ShardingCodec(
+    chunk_shape=(1,), index_codecs=(_LITTLE, Crc32cCodec()), index_location="end"
+)
+"""Codecs to compare with. Their settings are enums in zarr 3.1, and strings in newer versions."""
+
+
 def stored(array: zarr.Array[Any], folder: Path) -> StoredArray:
     """Return the quickest reader of the array that lies in ``folder``."""
     metadata, shape = array.metadata, array.shape
     if not isinstance(metadata, ArrayV3Metadata) or not _has_our_keys(metadata):
         return ThroughZarr(array)
     match metadata.codecs:
-        case (BytesCodec(endian=None | Endian.little) | VLenUTF8Codec(), ZstdCodec()) if (
-            array.chunks[1:] == shape[1:]
+        case (BytesCodec() | VLenUTF8Codec() as values, ZstdCodec()) if (
+            values in (*_NUMBERS, VLenUTF8Codec()) and array.chunks[1:] == shape[1:]
         ):
             return ColumnFiles(array, folder)
-        case (
-            ShardingCodec(
-                codecs=(BytesCodec(endian=None | Endian.little), ZstdCodec()),
-                index_codecs=(BytesCodec(endian=Endian.little), Crc32cCodec()),
-                index_location=ShardingCodecIndexLocation.end,
-            ),
-        ) if array.shards and array.shards[1:] == shape[1:] and _has_whole_pieces(array):
+        case (ShardingCodec(codecs=(BytesCodec() as values, ZstdCodec())) as shard,) if (
+            values in _NUMBERS
+            and _index(shard) == _index(_SHARD)
+            and array.shards
+            and array.shards[1:] == shape[1:]
+            and _has_whole_pieces(array)
+        ):
             return ShardFiles(array, folder)
     return ThroughZarr(array)
+
+
+def _index(shard: ShardingCodec) -> tuple[Any, Any]:
+    """Return how the index of a shard is stored, and where."""
+    return shard.index_codecs, shard.index_location
 
 
 def _has_our_keys(metadata: ArrayV3Metadata) -> bool:

@@ -28,6 +28,7 @@ export function makeCloud({ store, row, episode, series, library, clock, signal 
     h('div', { class: 'panel-head' }, h('h2', null, '3-D'), status),
     tools,
     place3d,
+    series.links?.note && h('p', { class: 'muted', dataset: { testid: 'arm-note' } }, series.links.note),
   );
   const stage = makeStage(place3d);
   if (!stage) {
