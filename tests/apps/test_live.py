@@ -50,7 +50,7 @@ from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset import index as index_package
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError
-from grasp_factory.factory import block_job
+from grasp_factory.factory import block_maker
 from grasp_factory.factory.block_job import Made, in_few_words
 from grasp_factory.factory.generate import generate
 from grasp_factory.simulation.world import World
@@ -613,7 +613,7 @@ class TestAViewThatFails:
             time.sleep(0.3)  # so that the watch looks meanwhile
             return replace(make_episode(small_config(), spec.index), spec=spec)
 
-        monkeypatch.setattr(block_job, "run_episode", simulate)
+        monkeypatch.setattr(block_maker, "run_episode", simulate)
 
     def test_by_its_facts(
         self, tmp_path: Path, told: list[str], monkeypatch: pytest.MonkeyPatch

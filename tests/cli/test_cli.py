@@ -32,7 +32,7 @@ from grasp_factory.cli import run_progress
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import RecipeError, StoreError
-from grasp_factory.factory import block_job, generate
+from grasp_factory.factory import block_maker, generate
 from grasp_factory.factory.run_request import resolve_request
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.policies import POLICIES
@@ -136,7 +136,7 @@ class TestGenerate:
         def here(*args: Any, episode_timeout: float, **more: Any) -> Any:
             return generate.generate(*args, **more)
 
-        monkeypatch.setattr(block_job, "run_episode", fail)
+        monkeypatch.setattr(block_maker, "run_episode", fail)
         monkeypatch.setattr(run_progress, "generate", here)
         result = run("generate", "--n", 1, "--workers", 1, "--max-failures", 1, *TINY)
         assert result.code == 0

@@ -150,7 +150,7 @@ def test_everything_at_once_is_mended(store: Path, copy: Path) -> None:
 def test_a_whole_store_is_not_touched(
     store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", no_simulation)
+    monkeypatch.setattr("grasp_factory.factory.block_maker.run_episode", no_simulation)
     times = {file: file.stat().st_mtime_ns for file in copy.rglob("*")}
     result = repair(copy)
     assert result.is_whole
@@ -161,7 +161,7 @@ def test_a_whole_store_is_not_touched(
 def test_episodes_that_are_whole_are_not_simulated(
     store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", no_simulation)
+    monkeypatch.setattr("grasp_factory.factory.block_maker.run_episode", no_simulation)
     for name in ("episodes/status/0", "episodes/checksum/1", "episodes/array_crc32c/2.0"):
         delete(name)(copy)
     assert repair(copy).is_whole
@@ -218,7 +218,7 @@ class TestTheNumberOfRows:
     def test_is_told_by_the_blocks_where_all_metadata_is_lost(
         self, store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", no_simulation)
+        monkeypatch.setattr("grasp_factory.factory.block_maker.run_episode", no_simulation)
         for file in documents(copy):
             file.unlink()
         assert verify(copy).episodes == N
@@ -229,7 +229,7 @@ class TestTheNumberOfRows:
     def test_is_never_below_what_the_blocks_hold(
         self, store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, rows: int
     ) -> None:
-        monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", no_simulation)
+        monkeypatch.setattr("grasp_factory.factory.block_maker.run_episode", no_simulation)
         for file in documents(copy):
             if "shape" in json.loads(file.read_bytes()):
                 set_rows(file, rows)
@@ -280,7 +280,7 @@ def test_rows_beside_a_broken_quarantine_are_kept(
 ) -> None:
     row, block = quarantined(store)
     monkeypatch.setattr(
-        "grasp_factory.factory.block_job.run_episode", no_simulation
+        "grasp_factory.factory.block_maker.run_episode", no_simulation
     )  # not here: in a worker
     monkeypatch.setattr(
         sys.modules["grasp_factory.curation.repair.repair"], "generate", no_simulation
@@ -392,7 +392,7 @@ def test_it_is_said_when_an_episode_comes_out_otherwise(
         episode = run_episode(*args)
         return dataclasses.replace(episode, columns={**episode.columns, "grasp_score": 12.5})
 
-    monkeypatch.setattr("grasp_factory.factory.block_job.run_episode", other)
+    monkeypatch.setattr("grasp_factory.factory.block_maker.run_episode", other)
     delete("streams/phase/2.0")(copy)
     result = repair(copy)
     assert result.is_whole

@@ -18,7 +18,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.text_format import duration_text
 from grasp_factory.errors import RecipeError, StoreMismatchError
-from grasp_factory.factory import block_job, dry_run, generate, pilot_blocks
+from grasp_factory.factory import block_maker, dry_run, generate, pilot_blocks
 from grasp_factory.factory.block_job import Made
 from grasp_factory.factory.dry_run import forecast, makespan, wilson
 from grasp_factory.factory.executors import JOBS_PER_PROCESS
@@ -37,7 +37,7 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulation; only for runs in this process."""
-    monkeypatch.setattr(block_job, "run_episode", pretend)
+    monkeypatch.setattr(block_maker, "run_episode", pretend)
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def alike(fake: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulation by one whose episodes all have the same size."""
     one = make_episode(CONFIG, 0)
     monkeypatch.setattr(
-        block_job, "run_episode", lambda world, spec: dataclasses.replace(one, spec=spec)
+        block_maker, "run_episode", lambda world, spec: dataclasses.replace(one, spec=spec)
     )
 
 
@@ -199,7 +199,7 @@ class TestForecast:
         def refuse(world: World, spec: EpisodeSpec) -> Episode:
             raise RecipeError("no luck")
 
-        monkeypatch.setattr(block_job, "run_episode", refuse)
+        monkeypatch.setattr(block_maker, "run_episode", refuse)
         found = forecast(request(tmp_path / "ds.zarr", 8))
         assert found.expected is not None
         assert (found.expected.pilots, found.expected.quarantined) == (8, 8)

@@ -34,7 +34,7 @@ from grasp_factory.errors import (
     UnknownNameError,
     UsageError,
 )
-from grasp_factory.factory import block_job, resume
+from grasp_factory.factory import block_maker, resume
 from grasp_factory.factory import generate as factory
 from grasp_factory.factory.block_job import Made, block_range
 from grasp_factory.factory.generate import RunPlan, generate
@@ -65,7 +65,7 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Callable[[Simulate], None]:
     """Replace the simulation; only for runs in this process."""
-    return lambda simulate: monkeypatch.setattr(block_job, "run_episode", simulate)
+    return lambda simulate: monkeypatch.setattr(block_maker, "run_episode", simulate)
 
 
 @pytest.fixture(autouse=True)

@@ -21,7 +21,7 @@ from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of
 from grasp_factory.curation.merge import merge
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, RecipeError, StoreError, StoreMismatchError
-from grasp_factory.factory import block_job
+from grasp_factory.factory import block_maker
 from grasp_factory.factory.dry_run import forecast
 from grasp_factory.factory.generate import generate
 from grasp_factory.factory.run_request import Request, Shard
@@ -43,7 +43,7 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 
 @pytest.fixture(autouse=True)
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(block_job, "run_episode", pretend)
+    monkeypatch.setattr(block_maker, "run_episode", pretend)
 
 
 @pytest.fixture
@@ -176,7 +176,7 @@ class TestAStoreOfAVersionWithoutFingerprints:
         config = Dataset.open(store).config
         sample = Dataset.open(store)[0]
         monkeypatch.setattr(
-            block_job, "run_episode", lambda world, spec: dataclasses.replace(sample, spec=spec)
+            block_maker, "run_episode", lambda world, spec: dataclasses.replace(sample, spec=spec)
         )
         before = tree(store)
         with pytest.raises(StoreMismatchError, match="by a version without fingerprints; go on"):

@@ -19,7 +19,7 @@ from support.helpers import assert_same_tree
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreBusyError
-from grasp_factory.factory import block_job
+from grasp_factory.factory import block_job, block_maker
 from grasp_factory.factory.generate import RunPlan, generate
 from grasp_factory.factory.run_request import Request, Shard
 from grasp_factory.writers.zarr.lock import ShardLock, StoreLock
@@ -34,7 +34,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     def pretend(world: Any, spec: Any) -> Any:
         return dataclasses.replace(make_episode(CONFIG, spec.index), spec=spec)
 
-    monkeypatch.setattr(block_job, "run_episode", pretend)
+    monkeypatch.setattr(block_maker, "run_episode", pretend)
 
 
 @given(st.integers(1, 60), st.integers(0, 400))

@@ -65,9 +65,11 @@ class Running:
 
 
 @contextlib.contextmanager
-def browsing(*options: object, cache: Path | None = None) -> Iterator[Running]:
+def browsing(
+    *options: object, cache: Path | None = None, python: str | Path = sys.executable
+) -> Iterator[Running]:
     """Run the command until the block ends, with a cache of its own unless one is given."""
-    command = [sys.executable, "-m", "grasp_factory", "browse", "--no-open", *map(str, options)]
+    command = [str(python), "-m", "grasp_factory", "browse", "--no-open", *map(str, options)]
     with tempfile.TemporaryDirectory() as folder:
         errors = Path(folder) / "stderr"
         own = {VARIABLE: str(cache or Path(folder) / "cache"), "GRASP_FACTORY_USER": "tester"}

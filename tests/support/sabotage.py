@@ -7,7 +7,7 @@ import os, signal, sys, time
 from pathlib import Path
 
 if "--multiprocessing-fork" in sys.argv:  # in workers only
-    import grasp_factory.factory.block_job as blocks
+    import grasp_factory.factory.block_maker as blocks
 
     real = blocks.run_episode
 

@@ -23,8 +23,9 @@ from support.scale import soak_only
 
 from grasp_factory.core.os_errors import GO_ON
 from grasp_factory.errors import GraspFactoryWarning, RecipeError, StaleLockWarning, StoreError
-from grasp_factory.factory import block_job
-from grasp_factory.factory.block_job import BlockJob, BlockMaker
+from grasp_factory.factory import block_maker
+from grasp_factory.factory.block_job import BlockJob
+from grasp_factory.factory.block_maker import BlockMaker
 from grasp_factory.factory.generate import generate
 from grasp_factory.factory.run_log import RunLog
 from grasp_factory.factory.run_request import Request
@@ -45,7 +46,7 @@ def pretend(world: Any, spec: Any) -> Any:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(block_job, "run_episode", pretend)
+    monkeypatch.setattr(block_maker, "run_episode", pretend)
     monkeypatch.setattr(segment_packing, "SEGMENT_BLOCKS", 1)  # so that packing has its part
 
 
@@ -75,7 +76,7 @@ def want(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the store of a run without faults."""
     out = tmp_path_factory.mktemp("want") / "ds.zarr"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(block_job, "run_episode", pretend)
+        patch.setattr(block_maker, "run_episode", pretend)
         patch.setattr(segment_packing, "SEGMENT_BLOCKS", 1)
         make(out)
     return out
@@ -131,7 +132,7 @@ def is_growing(done: str) -> bool:
 
 
 def markers(out: Path) -> dict[str, bytes]:
-    """Return the commit markers of a store's block_job."""
+    """Return the commit markers of a store's blocks."""
     return {name: data for name, data in tree(out / "episodes/status").items() if name.isdecimal()}
 
 
@@ -161,7 +162,7 @@ def test_an_episode_is_not_quarantined_for_what_the_machine_did(
                 raise
             raise RecipeError(f"robot.urdf cannot be loaded: {error}") from None
 
-    monkeypatch.setattr(block_job, "run_episode", fail)
+    monkeypatch.setattr(block_maker, "run_episode", fail)
     with pytest.raises(StoreError) as caught:
         BlockMaker(CONFIG, tmp_path / "ds.zarr")(BlockJob(block=0), lambda message: None)
     want = f"episode 0 cannot be made: {os.strerror(number)}; {GO_ON}"

@@ -18,19 +18,19 @@ from benchmarks.bench.engine import Call, watched_engine
 from benchmarks.bench.factory import WARM_UP_SEED, config_of
 from benchmarks.bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch, peak_bytes
 
-from grasp_factory.factory import block_job, generate
+from grasp_factory.factory import block_maker, generate
 from grasp_factory.simulation import grasp_execution, rollout
 from grasp_factory.writers.zarr import writer
 
 PARTS: Mapping[str, tuple[tuple[Any, str], ...]] = {
-    "sample": ((block_job, "sample_spec"),),
+    "sample": ((block_maker, "sample_spec"),),
     "reset, build": ((rollout, "build_scene"),),
     "settle": ((rollout, "settle"),),
     "plan": ((rollout, "_plan"), (rollout, "choose")),
     "simulate": ((grasp_execution.Attempt, "run"),),
     "render": ((rollout, "take_shots"),),
     "inspect": ((rollout, "inspect_episode"),),
-    "label, streams": ((block_job, "run_episode"),),
+    "label, streams": ((block_maker, "run_episode"),),
     "encode": ((writer.ZarrWriter, "write_block"),),
     "write (fsync)": ((writer, "fsync"),),
     "open, close, count": ((generate, "generate"),),
