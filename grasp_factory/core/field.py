@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from grasp_factory.core.enums import Label, names
 
 LABELS = tuple(names(Label))
@@ -22,7 +20,7 @@ class Field:
     dims: tuple[str | int, ...]
     """Dimensions after N; ``schema.sizes`` has the length of each letter."""
     dtype: str
-    """A numpy dtype, or ``string``."""
+    """Name of a numpy dtype such as ``float32``, or ``string``."""
     units: str = ""
     frame: str = ""
     description: str
@@ -42,7 +40,7 @@ class Field:
             return ""
         if self.dtype == "bool":
             return False
-        return float("nan") if np.dtype(self.dtype).kind == "f" else self.empty
+        return float("nan") if self.dtype.startswith("float") else self.empty
 
     @property
     def is_image(self) -> bool:

@@ -217,6 +217,14 @@ def test_importing_the_package_loads_neither_simulator_nor_store() -> None:
     assert in_a_fresh_process(code) == "[]"
 
 
+def test_the_help_of_the_command_loads_no_large_library() -> None:
+    code = (
+        "import sys, grasp_factory.cli.main;"
+        "print([m for m in ('numpy', 'pybullet', 'zarr', 'cv2') if m in sys.modules])"
+    )
+    assert in_a_fresh_process(code) == "[]"
+
+
 def test_reading_a_store_does_not_load_the_simulator() -> None:
     code = "import sys; from grasp_factory import Dataset; print('pybullet' in sys.modules)"
     assert in_a_fresh_process(code) == "False"
