@@ -347,6 +347,13 @@ class TestDerived:
         assert index.row(0, 2) == row | {"tags": [], "marks": None}
         assert index.words("tags") == []
 
+    def test_a_query_that_is_remembered_sees_a_new_tag(self, store: Path, index: Index) -> None:
+        query = Query.parse(["tags=odd"])
+        assert index.ids(query) == []
+        index.annotated(0, AnnotationLog(store).append("me", [2], [("tag", "odd")]))
+        assert index.ids(query) == [(0, 2)]
+        assert index.page(query).total == 1
+
     def test_a_persons_quality_comes_before_the_stores(self, store: Path, index: Index) -> None:
         row = index.row(0, 0)
         assert row is not None

@@ -9,7 +9,7 @@ from support.scenes import SMALL, cube_spec
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.enums import Phase
-from grasp_factory.core.geometry import quat_xyzw_to_matrix
+from grasp_factory.core.geometry import pose_matrices, quat_xyzw_to_matrix
 from grasp_factory.robots import ROBOTS
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
@@ -47,6 +47,20 @@ def test_integrated_twice_it_gives_the_way_of_the_lift(episode):
     period = 1 / SMALL.imu_rate
     way = np.cumsum(np.cumsum((up[:, 2] - 9.81) * period) * period)
     assert way[-1] == pytest.approx(SMALL.motion.lift_height, abs=0.004)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_while_the_hand_turns_it_moves_as_its_own_frame_does(robot):
+    hz = 240
+    with World() as world:
+        episode = run_episode(world, cube_spec(robot=robot, record_hz=hz, imu_hz=hz))
+    turning = episode.streams["phase"] == Phase.PREGRASP
+    T = pose_matrices(episode.streams["tcp_pose"][turning]) @ episode.imu["T_tcp_imu"]
+    force = episode.imu["specific_force"][: len(T)].astype(float)
+    acceleration = np.einsum("nij,nj->ni", T[:, :3, :3], force) - [0, 0, 9.81]
+    velocity = np.cumsum(acceleration, axis=0) / hz
+    assert np.abs(velocity).max() > 0.3
+    assert velocity[1:] == pytest.approx(np.diff(T[:, :3, 3], axis=0) * hz, abs=0.004)
 
 
 def test_its_samples_are_evenly_spaced_on_the_streams_clock(episode):

@@ -145,6 +145,21 @@ def test_the_tracker_gives_the_objects_own_frame(world):
     assert frame.position == pytest.approx(duck.drop_pose.position, abs=1e-9)
 
 
+def test_the_trackers_frame_is_not_turned_like_the_principal_axes(world):
+    spec, pose = cube_spec(), Pose((0.5, 0.1, 0.4), (0.5, 0.5, 0.5, 0.5))
+    zed = dataclasses.replace(
+        spec.objects[0], object_set="procedural", object_id="procedural/zed/0", drop_pose=pose
+    )
+    scene = build_scene(world, dataclasses.replace(spec, objects=(zed,)))
+    axes = world.inertial_frame(scene.objects[0]).quat_xyzw
+    assert 0.1 < abs(axes[3]) < 0.98
+    tracker = make_sensor(SENSORS["tracker"], scene)
+    tracker.sample(tick(scene))
+    found = tracker.arrays()["object_pose"][0, 0]
+    assert found[:3] == pytest.approx(pose.position, abs=1e-6)
+    assert np.abs(found[3:] @ pose.quat_xyzw) == pytest.approx(1.0, abs=1e-6)
+
+
 def test_records_are_evenly_spaced_in_simulation_time(grasped_cube):
     gaps = np.diff(grasped_cube.streams["timestamp"])
     assert gaps == pytest.approx(np.full(len(gaps), 1 / SMALL.record_hz), abs=1e-9)
