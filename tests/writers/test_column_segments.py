@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import warnings
 from pathlib import Path
@@ -276,7 +277,10 @@ class TestABlockThatIsWrittenAgain:
     ) -> None:
         listed: list[str] = []
         for name in ("listdir", "scandir"):
-            monkeypatch.setattr(f"os.{name}", lambda folder=".": listed.append(str(folder)) or [])
+            real = getattr(os, name)
+            monkeypatch.setattr(
+                os, name, lambda folder=".", real=real: listed.append(str(folder)) or real(folder)
+            )
         ZarrWriter(path).write_block(5, make_rows(CONFIG, 5, N))
         assert set(listed) <= {str(path / FOLDER)}
 
