@@ -54,14 +54,22 @@ def main() -> NoReturn:
         terminated = isinstance(error.__cause__ or error, Terminated)
         code = _print_error("stopped", EXIT_TERMINATED if terminated else EXIT_INTERRUPTED)
     except BrokenPipeError:  # the reader of the output is gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_FAILURE
     except OSError as error:
         if error.errno not in MACHINE_TROUBLE:
             raise
         where = f"{error.filename}: " if error.filename else ""
         code = _print_error(f"{where}{error.strerror}", EXIT_FAILURE)
+    _drop_output_that_cannot_be_written()
     leave(code)
+
+
+def _drop_output_that_cannot_be_written() -> None:
+    """Empty stdout, so that Python's own end does not fail at it and change the exit code."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _open_standard_streams() -> None:

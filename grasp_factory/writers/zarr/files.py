@@ -17,11 +17,11 @@ def locate(path: Path) -> Path:
             long, a directory that may not be entered, the root.
     """
     try:
-        target = path.resolve()
+        target = Path(os.path.realpath(path))  # of a loop it raises nothing: stat does
         os.stat(target)
     except (FileNotFoundError, NotADirectoryError):
         pass
-    except (OSError, RuntimeError, ValueError) as error:
+    except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise StoreMismatchError(f"{path} cannot be used: {why}; choose another path") from None
     if not target.name:
