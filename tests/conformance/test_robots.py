@@ -20,11 +20,7 @@ import pytest
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig, Stepping
-from grasp_factory.core.config.sections import (
-    MAX_CLOSING_STROKE,
-    SLOWEST_FINGERS,
-    WorkspaceConfig,
-)
+from grasp_factory.core.config.sections import WorkspaceConfig
 from grasp_factory.core.geometry import Pose, inverse
 from grasp_factory.errors import ConfigError
 from grasp_factory.factory.name_check import check_names
@@ -175,11 +171,6 @@ class TestRobot:
                     T[:3, :3], T[:3, 3] = DOWN, (x, y, z)
                     found = solve_ik(chain, T, np.array(model.home))
                     assert found.success, (x, y, z)
-
-    def test_the_fingers_stay_within_the_bound_of_every_attempts_length(self, name):
-        gripper = ROBOTS[name].gripper
-        assert gripper.max_width / 2 <= MAX_CLOSING_STROKE
-        assert gripper.max_finger_speed >= SLOWEST_FINGERS
 
     def test_facts_are_plain_values_that_json_can_hold(self, name):
         facts = ROBOTS[name].facts()
