@@ -109,7 +109,7 @@ BAD = {
     ),
     "a setting without a value": (
         ("{store}", "out.jsonl", "--format", "lines", "--option", "digits"),
-        "--option 'digits': expected KEY=VALUE",
+        "--option: got 'digits', valid: KEY=VALUE, each key once",
     ),
     "a setting twice": (
         ("{store}", "out.jsonl", "--format", "lines", *("--option", "digits=1") * 2),
