@@ -282,9 +282,7 @@ def test_rows_beside_a_broken_quarantine_are_kept(
     monkeypatch.setattr(
         "grasp_factory.factory.block_maker.run_episode", no_simulation
     )  # not here: in a worker
-    monkeypatch.setattr(
-        sys.modules["grasp_factory.curation.repair.repair"], "generate", no_simulation
-    )
+    monkeypatch.setattr(sys.modules["grasp_factory.factory.generate"], "generate", no_simulation)
     zarr.open_array(copy / "episodes/error", mode="r+")[row] = "another"
     if not is_marked:
         for name in ("status", "checksum"):
