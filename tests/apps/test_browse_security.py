@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import shutil
 import socket
 import time
@@ -18,6 +19,7 @@ from hypothesis import strategies as st
 from support.browse_process import Running, browsing
 from support.fake_episodes import JOINTS, make_episode, make_spec, small_config
 
+from grasp_factory.apps.browse.files import FOLDER
 from grasp_factory.apps.browse.guard import HEADERS, MOST_BODY, Guard
 from grasp_factory.apps.browse.serving import MOST_HEADER
 from grasp_factory.dataset.annotations import AnnotationLog
@@ -139,6 +141,18 @@ class TestPaths:
         assert set(json.loads(body)) == {"error"}
         assert SECRET.encode() not in body
         assert b"import" not in body
+
+    @pytest.mark.parametrize("up", ["../", "%2e%2e/", "..%2f", "%2e%2e%2f", "./../"])
+    def test_no_file_of_another_folder_is_served_though_its_kind_is(
+        self, server: Running, store: Path, up: str
+    ) -> None:
+        secret = store.parent / "secret.svg"
+        secret.write_text(SECRET)
+        way = os.path.relpath(secret, FOLDER).replace("../", up)
+        code, head, body = ask(server, f"/static/{way}")
+        assert code == 404
+        assert is_whole(head)
+        assert SECRET.encode() not in body
 
     @pytest.mark.parametrize(
         "address",

@@ -118,6 +118,8 @@ def test_the_command_does_it_and_says_so(store):
     command = [*command[:6], "other", "--min-shake", "0", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout)["name"] == "other"
+    stored = json.loads((store / "labels" / "other" / "zarr.json").read_bytes())["attributes"]
+    assert stored["thresholds"]["min_shake"] == 0.0
     command = [*command[:6], "third", "--min-lift", "-1"]
     bad = subprocess.run(command, capture_output=True, text=True, check=False)
     assert bad.returncode == 2
