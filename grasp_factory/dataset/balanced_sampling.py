@@ -1,4 +1,4 @@
-"""Drawing rows so that every class has as many as the others."""
+"""Random draws of rows, with equally many rows of each class."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from grasp_factory.errors import UsageError, shown
 
 
 def draw_evenly(classes: NDArray[Any], n: int | None, seed: int) -> NDArray[np.int64]:
-    """Return n places in ``classes``, in random order, with as many of each class.
+    """Return n positions in ``classes``, in random order, with equally many of each class.
 
-    The numbers of any two classes differ by one at most; which have one more is drawn too. No
-    place comes twice before all places of its class have come once, and so on.
+    The counts of any two classes differ by at most one; which classes have one more is random. A
+    position is repeated only after all positions of its class have been drawn equally often.
 
     Args:
-        classes: The class of each place, (N,): words, truth values or whole numbers.
-        n: How many; None for as many as there are without repeating any: the smallest class's
-            number, times the classes.
-        seed: The same seed gives the same places.
+        classes: The class of each position, (N,): strings, booleans or integers.
+        n: How many positions to draw; None for the most that need no repetition: the size of the
+            smallest class, times the number of classes.
+        seed: The same seed yields the same positions.
 
     Returns:
         (n,).
 
     Raises:
-        UsageError: if there are fewer than two classes, or for an n or a seed that is none.
+        UsageError: if there are fewer than two classes, or if n or seed is invalid.
     """
     if n is not None and (not is_integer(n) or n < 1):
         raise UsageError(f"n: got {shown(n)}, valid: a whole number from 1 on, or None")

@@ -30,7 +30,7 @@ from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 _ADVICE = "run grasp-factory verify on the store, and repair"
 _UNCHECKED = (schema.CHECKSUM.path, schema.DIGESTS.path)
-"""Paths of the values that others are compared with."""
+"""Paths of the arrays that contain the expected checksums and digests."""
 
 
 def checked_arrays(
@@ -46,13 +46,14 @@ def checked_arrays(
     Args:
         path: the store.
         arrays: its arrays, by path.
-        fields: of the arrays, by path.
-        seed: the seed of every recipe, whose index is its row; None for a merged store.
-        has_fingerprints: each row must have the fingerprint of the platform that made it.
+        fields: the fields of the arrays, by path.
+        seed: the seed that every recipe must have, while its index must be its row; None for a
+            merged store, where neither is checked.
+        has_fingerprints: whether each row must have the fingerprint of the platform that made it.
 
     Raises:
         StoreError: if the store has no digests, its metadata does not match its checksum, or its
-            arrays differ in their numbers of rows.
+            arrays have different numbers of rows.
     """
     if schema.DIGESTS.path not in arrays:
         raise StoreError(f"{path} has no checksums of single arrays: open it without checked=True")
@@ -71,7 +72,7 @@ def checked_arrays(
 
 
 def checked_label(path: Path, name: str, outcome: NDArray[Any]) -> NDArray[Any]:
-    """Return an added label's outcomes, (N,).
+    """Return an added label's outcomes, (N,), after comparing them with their checksum.
 
     Raises:
         StoreError: if they do not match their checksum.
@@ -86,9 +87,9 @@ def checked_label(path: Path, name: str, outcome: NDArray[Any]) -> NDArray[Any]:
 class CheckedArray(StoredArray):
     """An array that compares committed rows with their digests as it reads them.
 
-    ``status`` has no digest: a committed row must have a checksum, a missing row none. The recipe
-    and the reason of a quarantined row are compared with the row's checksum. All other values of
-    a row without an episode must be the fill value.
+    ``status`` has no digest. Instead, a committed row must have a checksum, and a missing row must
+    have none. The recipe and the reason of a quarantined row are compared with the row's checksum.
+    All other values of a row without an episode must be the fill value.
     """
 
     def __init__(
@@ -99,7 +100,7 @@ class CheckedArray(StoredArray):
         fields: Mapping[str, Field],
         order: _RowOrderCheck,
     ) -> None:
-        """Use the array at ``path`` of a store's arrays."""
+        """Wrap the array at ``path``, which is one of the store's arrays."""
         super().__init__(arrays[path].zarr)
         self._store, self._path = store, path
         self._array, self._arrays, self._field = arrays[path], arrays, fields[path]
@@ -108,7 +109,7 @@ class CheckedArray(StoredArray):
         self._digest_column = digested.index(path) if path in digested else None
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
-        """See ``StoredArray.read``; raises also where a row does not match its digest."""
+        """See ``StoredArray.read``; a row that does not match its digest is a StoreError."""
         values = self._array.read(start, stop)
         if stop > start:
             self._order.check(start, stop)
@@ -145,7 +146,11 @@ class CheckedArray(StoredArray):
             self._refuse(row)
 
     def _is_without_episode(self, row: int, status: int, value: Any) -> bool:
-        """Say whether a row's value is the fill value, or what is kept of a quarantine."""
+        """Return whether a value is valid for a row without an episode.
+
+        It must be the fill value, or match the checksum of a quarantined row. A missing row may
+        have any value while its block is being written.
+        """
         if status == MISSING and self._is_unfinished(row):
             return True
         if status == QUARANTINED and self._path in QUARANTINE_PATHS:
@@ -154,7 +159,7 @@ class CheckedArray(StoredArray):
         return is_fill(fixed(value), self._field.fill)
 
     def _agrees(self, row: int, status: int, stored: str) -> bool:
-        """Say whether a row's checksum and error agree with its status."""
+        """Return whether a row's checksum and error agree with its status."""
         if status == COMMITTED:
             return bool(stored) and not str(self._arrays[schema.ERROR.path].read(row, row + 1)[0])
         if status == QUARANTINED:
@@ -168,7 +173,7 @@ class CheckedArray(StoredArray):
         )
 
     def _is_unfinished(self, row: int) -> bool:
-        """Say whether a row's block is being written: its marker is missing or being replaced."""
+        """Return whether a row's block is unfinished: its marker is missing or being replaced."""
         block = row // self._arrays[schema.STATUS.path].zarr.chunks[0]
         marker = block_files(self._store, schema.STATUS, block, range(0))[0]
         return partial_path(marker).exists() or not marker.exists()
@@ -179,7 +184,7 @@ class CheckedArray(StoredArray):
 
 
 class _RowOrderCheck:
-    """Checks that rows stand where their recipes' indices say; each block is checked once."""
+    """Checks that each row has the recipe of its index; a complete block is checked only once."""
 
     def __init__(
         self,
@@ -197,7 +202,7 @@ class _RowOrderCheck:
         self._known: set[int] = set()
 
     def check(self, start: int, stop: int) -> None:
-        """Check some rows.
+        """Check the blocks of rows ``start`` to ``stop`` - 1.
 
         Raises:
             StoreError: naming a row that holds another row's episode.
@@ -217,10 +222,10 @@ class _RowOrderCheck:
 
 
 class CheckedColumns:
-    """Whole columns, read from the files of blocks: packed segments have no digests of rows."""
+    """Whole columns, read from the blocks' files, because packed segments have no row digests."""
 
     def __init__(self, columns: Columns, arrays: Mapping[str, StoredArray]) -> None:
-        """Use the columns of checked arrays, by their path."""
+        """Use a store's columns, and its checked arrays by path."""
         self._columns, self._arrays = columns, arrays
         self.names, self.length = columns.names, columns.length
 

@@ -1,4 +1,4 @@
-"""The table of a store's episodes: a row for each, in columns; and how rows are chosen by them."""
+"""The table of a store's episodes: one row for each episode, and selection of rows by columns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from grasp_factory.writers.zarr.writer import COMMITTED
 
 
 class EpisodeTable:
-    """The rows of a store, whatever their status, and their columns."""
+    """The rows of a store, with any status, and their columns."""
 
     def __init__(
         self, columns: Columns | CheckedColumns, fields: Mapping[str, Field], rows: RowIndex
@@ -29,17 +29,17 @@ class EpisodeTable:
         self._columns, self._fields, self._rows = columns, fields, rows
 
     def __len__(self) -> int:
-        """Return the number of rows, whatever their status."""
+        """Return the number of rows, with any status."""
         return self._columns.length
 
     @property
     def fields(self) -> Mapping[str, Field]:
-        """The store's arrays by path: dimensions, type, unit, frame, words of coded values."""
+        """The fields of the store's arrays, by path: dimensions, type, unit, frame and codes."""
         return self._fields
 
     @property
     def columns(self) -> list[str]:
-        """Names for ``column`` and ``where``."""
+        """The names that ``column`` and ``where`` take."""
         return list(self._columns.names)
 
     def column(self, name: str) -> NDArray[Any]:
@@ -63,19 +63,20 @@ class EpisodeTable:
         return np.flatnonzero(self.status == COMMITTED)
 
     def where(self, **conditions: Any) -> NDArray[np.int64]:
-        """Return the committed rows, ascending, in which each named column has what is asked for.
+        """Return the committed rows, ascending, that fulfil all conditions.
 
-        That is a value, a ``Range`` of numbers, or one of a list of them. A word that no row of a
-        text column has, as in ``policy="nope"``, matches no row; NaN is nothing's equal.
+        A condition is a column's name and a value, a ``Range`` of numbers, or a list of these, any
+        of which may match. A text that no row of a text column has, as in ``policy="nope"``,
+        matches no row. NaN equals no value.
 
         Example: ``where(success=False, outcome=["no_contact", "collision"], split="train")``,
         ``where(lift_height=Range(at_least=0.05), object_mass=Range(0.1, 0.2))``.
 
         Raises:
-            UnknownNameError: for a column that does not exist, or a word that a column of words
-                does not know.
-            UsageError: for a value of another type than the column's, a range of what is no
-                number, or a column with more than one value per row.
+            UnknownNameError: for a column that does not exist, or a name that a column of
+                coded values does not have.
+            UsageError: for a value of another type than the column's, a range for a column that
+                is not numeric, or a column with more than one value per row.
         """
         for name in conditions:
             self._check_column(name)
@@ -88,8 +89,8 @@ class EpisodeTable:
     def split(self, name: str) -> NDArray[np.int64]:
         """Return the committed rows of ``train``, ``val`` or ``test``, ascending.
 
-        The split is a property of the target, and the other objects of its scene are of the same:
-        what is seen in one is in none of the others.
+        The split is a property of the target object. The other objects of its scene belong to the
+        same split, so that no object of one split occurs in another.
 
         Raises:
             UnknownNameError: for another name.
@@ -104,25 +105,25 @@ class EpisodeTable:
         n: int | None = None,
         seed: int = 0,
     ) -> NDArray[np.int64]:
-        """Return rows drawn at random, with as many of each value that a column has among them.
+        """Return randomly drawn rows, with equally many rows of each value of a column.
 
-        The numbers differ by one at most. Rows come more than once only where n asks for more
-        than there are of a value, and then all of them equally often, give or take one.
+        The counts of the values differ by at most one. Rows of a value are repeated only if n
+        requires more of them than there are; their numbers of repetitions differ by at most one.
 
         Args:
-            rows: Those to draw from, in any order; one that is given twice counts once. None for
-                all that are committed.
-            by: A column of words, truth values or whole numbers.
-            n: How many rows; None for as many as there are without repeating any.
-            seed: The same rows, n and seed give the same draw.
+            rows: The rows to draw from, in any order; duplicates are ignored. None for all
+                committed rows.
+            by: A column of strings, booleans or integers.
+            n: How many rows to draw; None for the most that need no repetition.
+            seed: The same rows, n and seed yield the same draw.
 
         Returns:
             (n,), in random order.
 
         Raises:
             UnknownNameError: for a column that does not exist.
-            UsageError: for a column of other values, for rows that have only one, or for an n or
-                a seed that is none.
+            UsageError: for a column of another type, for rows with fewer than two different
+                values, or for an invalid n or seed.
             IndexError, StoreError: for a row that holds no episode.
         """
         self._check_column(by)

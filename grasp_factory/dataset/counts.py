@@ -14,7 +14,7 @@ from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 
 def count_statuses(status: NDArray[np.uint8]) -> tuple[int, int, int]:
-    """Return how many rows are missing, committed and quarantined, by their statuses (N,)."""
+    """Return how many rows are missing, committed and quarantined, from their statuses (N,)."""
     missing, committed, quarantined = (
         int(np.sum(status == one)) for one in (MISSING, COMMITTED, QUARANTINED)
     )
@@ -24,7 +24,7 @@ def count_statuses(status: NDArray[np.uint8]) -> tuple[int, int, int]:
 def count_outcomes(outcome: NDArray[np.uint8]) -> dict[str, int]:
     """Return how many episodes have each outcome that occurs, in the order of ``Outcome``.
 
-    Codes that no outcome has are left out.
+    Unknown codes are left out.
     """
     counts = np.bincount(outcome, minlength=len(Outcome))
     return {word: int(n) for word, n in zip(names(Outcome), counts, strict=False) if n}
@@ -43,5 +43,5 @@ def count_platforms(texts: Iterable[str]) -> dict[str, int]:
 
 
 def most_frequent_first(counts: Mapping[str, int]) -> dict[str, int]:
-    """Return counts by descending number; equal ones by name."""
+    """Return counts in descending order; equal counts are ordered by name."""
     return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))

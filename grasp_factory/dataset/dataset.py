@@ -1,4 +1,4 @@
-"""Reading a store: open it, pick rows, get back the very records that were written."""
+"""Reading a store: open it, select rows, and get the records that were written."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Dataset(EpisodeViews):
     """A store, opened for reading. Opening or reading never runs code from it.
 
     Attributes:
-        path: where it is.
-        config: what it was made from.
+        path: the path of the store.
+        config: the configuration that it was made from.
         attributes: all root attributes: seed, versions, conventions, ...
     """
 
@@ -50,7 +50,7 @@ class Dataset(EpisodeViews):
         *,
         checked: bool = False,
     ) -> None:
-        """Use ``Dataset.open``."""
+        """Create a dataset; users call ``Dataset.open`` instead."""
         self.path = path
         self.config = config
         self.attributes = attributes
@@ -76,15 +76,15 @@ class Dataset(EpisodeViews):
         """Open the store at ``path``.
 
         Args:
-            path: where it is.
-            noise: what sensors add to episodes, images and series when they are read, or its name
-                in ``noise.NOISE``; columns stay clean, and so does the store.
-            noise_seed: the same seed gives the same noise.
+            path: the path of the store.
+            noise: the sensor noise that is added to episodes, images and series when they are
+                read, or its name in ``noise.NOISE``; columns and the store itself stay clean.
+            noise_seed: the same seed yields the same noise.
             checked: compare values of committed rows with their checksums as they are read; a
                 mismatch is a StoreError that names episode and array.
 
         Raises:
-            StoreMismatchError: if there is no store, or one of a newer version.
+            StoreMismatchError: if there is no store, or it has a newer version.
             StoreError: if the store is damaged.
             UsageError: for an invalid noise or seed.
         """
@@ -117,15 +117,15 @@ class Dataset(EpisodeViews):
     def __getitem__(self, index: slice | Sequence[int] | NDArray[Any]) -> list[Episode]: ...
 
     def __getitem__(self, index: Any) -> Episode | list[Episode]:
-        """Return the episode that was written at an index, or a list of those at several.
+        """Return the episode at an index, or a list of the episodes at several indices.
 
-        Negative indices count from the end. Several are a slice, or a list, range or array of
-        integers in any order, such as ``where`` returns; all their episodes are in memory at
-        once, so for many of them ``iter_blocks`` is the better choice.
+        Negative indices count from the end. Several indices are a slice, or a list, range or
+        array of integers in any order, such as ``where`` returns. All their episodes are in memory
+        at once; for many episodes, use ``iter_blocks``.
 
         Raises:
             IndexError: naming the valid range.
-            TypeError: for anything else, a mask of truth values among it.
+            TypeError: for anything else, including a boolean mask.
             StoreError: if a row is missing, quarantined or damaged.
         """
         if isinstance(index, slice | list | range | np.ndarray):
@@ -140,15 +140,14 @@ class Dataset(EpisodeViews):
     def iter_blocks(
         self, rows: Iterable[int] | None = None
     ) -> Iterator[tuple[NDArray[np.int64], list[Episode]]]:
-        """Iterate over (indices, episodes) of each block among some rows, a block in memory.
+        """Iterate over (indices, episodes) of each block; one block at a time is in memory.
 
-        Consecutive rows are read at once. No episode is read that is not asked for, and none
-        twice.
+        Consecutive rows are read together. Only the requested episodes are read, each once.
 
         Args:
-            rows: The blocks come in the order in which these first name them, and within a block
-                the rows in theirs; one that is given twice comes twice. None for all that are
-                committed, ascending.
+            rows: The rows to read; None for all committed rows, ascending. Blocks are yielded in
+                the order in which the rows first name them, and the rows of a block in the order
+                given. A row that is given twice is yielded twice.
 
         Raises:
             TypeError, IndexError, StoreError: as for ``dataset[rows]``.
@@ -165,10 +164,10 @@ class Dataset(EpisodeViews):
         return self._readings.spec(self._rows.present(index)[0])
 
     def value(self, index: int, column: str) -> Any:
-        """Return one column's value of one episode, reading no other.
+        """Return the value of one column for one episode; no other column is read.
 
         Returns:
-            A numpy scalar, a string, or an array for columns with more than one value a row.
+            A numpy scalar, a string, or an array for columns with more than one value per row.
 
         Raises:
             UnknownNameError: listing the columns.
@@ -181,7 +180,7 @@ class Dataset(EpisodeViews):
 
     @property
     def annotations(self) -> Mapping[int, Annotation]:
-        """The current annotations by row, those of quarantined rows included.
+        """The current annotations by row, including those of quarantined rows.
 
         Raises:
             StoreError: if they cannot be read. Damaged lines of the log are skipped.
@@ -203,11 +202,11 @@ class Dataset(EpisodeViews):
 
     @property
     def labels(self) -> list[str]:
-        """Names of the labels that were added to the store's own (``grasp-factory relabel``)."""
+        """Names of the additional labels, which ``grasp-factory relabel`` made."""
         return added_labels(self.path)
 
     def label(self, name: str) -> NDArray[np.uint8]:
-        """Return an added label's outcomes, one for each row there was when it was made.
+        """Return an added label's outcomes, one for each row that existed when it was made.
 
         Raises:
             UnknownNameError: listing the labels.
@@ -217,12 +216,12 @@ class Dataset(EpisodeViews):
         return checked_label(self.path, name, outcome) if self._is_checked else outcome
 
     def arrays(self) -> dict[str, zarr.Array[Any]]:
-        """Return every array of the store by its path, added labels included."""
+        """Return every array of the store by its path, including added labels."""
         own = {path: array.zarr for path, array in self._arrays.items()}
         return {**own, **added_columns(self.path)}
 
     def verify(self, index: int) -> bool:
-        """Say whether an episode's values match its checksum.
+        """Return whether an episode's values match its checksum.
 
         Raises:
             IndexError: naming the valid range.

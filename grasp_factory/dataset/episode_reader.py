@@ -1,4 +1,4 @@
-"""Whole episodes of a store, as the records that were written there."""
+"""Reading whole episodes of a store, as the records that were written."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Episodes:
         return self._episode(row, self._rows(row, row + 1)[0])
 
     def several(self, rows: NDArray[np.int64]) -> list[Episode]:
-        """Return the episode of each of K rows; a row that is named twice yields one record twice.
+        """Return the episode of each of K rows; a row that is named twice yields the record twice.
 
         Raises:
             StoreError: if one is damaged.
@@ -58,7 +58,7 @@ class Episodes:
         return [at[int(row)] for row in rows]
 
     def blocks(self, rows: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], list[Episode]]]:
-        """Iterate over (rows, episodes) of each block among some rows; see ``Dataset.iter_blocks``.
+        """Iterate over (rows, episodes) of each block; see ``Dataset.iter_blocks``.
 
         Raises:
             StoreError: if one is damaged.
@@ -68,7 +68,7 @@ class Episodes:
             yield mine, self._of_block(mine)
 
     def is_whole(self, row: int) -> bool:
-        """Say whether an episode's values match its checksum."""
+        """Return whether an episode's values match its checksum."""
         try:
             read = self._rows(row, row + 1)[0]
         except StoreError:
@@ -78,8 +78,8 @@ class Episodes:
     def _of_block(self, rows: NDArray[np.int64]) -> list[Episode]:
         """Return the episodes of some rows of a block.
 
-        Consecutive rows are read at once, and rows without an episode between them cost nothing.
-        No episode is read that is not asked for.
+        Consecutive rows are read together, also across rows without an episode. Only the
+        requested episodes are read.
         """
         wanted = np.unique(rows)
         start, stop = int(wanted[0]), int(wanted[-1]) + 1

@@ -1,4 +1,4 @@
-"""Conditions on a column: which rows hold a value, one of several, or one within a range."""
+"""Conditions on a column: a value, one of several values, or a range of numbers."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from grasp_factory.core.serialization import is_number
 from grasp_factory.errors import UsageError, lookup, shown
 
 _KINDS = {"string": "UT", "bool": "b"}
-"""numpy's kinds of values that a column of a type may be compared with; numbers otherwise."""
+"""numpy's kinds of values that a column may be compared with, by the column's type.
+
+Columns of all other types may be compared with numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Numbers from ``at_least`` on that are below ``below``; NaN is in no range.
+    """The numbers x with ``at_least`` <= x < ``below``; NaN is in no range.
 
-    Ranges that follow one another, ``Range(0.0, 0.1)`` and ``Range(0.1, 0.2)``, share no number.
+    Adjacent ranges, such as ``Range(0.0, 0.1)`` and ``Range(0.1, 0.2)``, share no number.
     """
 
     at_least: float | None = None
@@ -31,10 +33,10 @@ class Range:
     """None for no bound."""
 
     def __post_init__(self) -> None:
-        """Refuse bounds between which there is nothing, and a range of everything.
+        """Check that there is a bound, and that the range is not empty.
 
         Raises:
-            UsageError: naming them.
+            UsageError: naming the bounds.
         """
         bounds = [bound for bound in (self.at_least, self.below) if bound is not None]
         if not bounds or not all(map(_is_finite, bounds)) or sorted(set(bounds)) != bounds:
@@ -43,7 +45,7 @@ class Range:
             raise UsageError(f"Range: got {got}, valid: {valid}")
 
     def holds(self, values: NDArray[Any]) -> NDArray[np.bool_]:
-        """Return which numbers, of any shape, are in the range."""
+        """Return, for each number of an array of any shape, whether it is in the range."""
         held = np.ones(values.shape, np.bool_)
         if self.at_least is not None:
             held &= values >= self.at_least
@@ -53,17 +55,17 @@ class Range:
 
 
 def matching(row: Field, values: NDArray[Any], wanted: Any) -> NDArray[np.bool_]:
-    """Return which values of a column, (N,), are ``wanted``, or one of its items.
+    """Return, for each value of a column, (N,), whether it is ``wanted`` or one of its items.
 
     Args:
-        row: The column's.
-        values: Its values.
+        row: The field of the column.
+        values: The values of the column, (N,).
         wanted: A value, a ``Range``, or several of them.
 
     Raises:
-        UnknownNameError: for a word that a coded column does not know.
-        UsageError: for a value of another type than the column's, a range of what is no number,
-            or a column with more than one value per row.
+        UnknownNameError: for a name that a column of coded values does not have.
+        UsageError: for a value of another type than the column's, a range for a column that is
+            not numeric, or a column with more than one value per row.
     """
     name = row.path.removeprefix("episodes/")
     if values.ndim > 1:
@@ -77,7 +79,7 @@ def matching(row: Field, values: NDArray[Any], wanted: Any) -> NDArray[np.bool_]
 
 
 def _equal(row: Field, name: str, values: NDArray[Any], item: Any) -> Any:
-    """Return which values are one value, or in one range."""
+    """Return, for each value, whether it equals ``item`` or is in this range."""
     if not isinstance(item, Range):
         return values == _stored(row, name, item)
     if row.names or row.dtype in _KINDS:
@@ -87,7 +89,7 @@ def _equal(row: Field, name: str, values: NDArray[Any], item: Any) -> Any:
 
 
 def _stored(row: Field, name: str, value: Any) -> Any:
-    """Return what a column holds for ``value``: for a word of a coded column, its code."""
+    """Return ``value`` as the column stores it: a code for a name of coded values."""
     if row.names and isinstance(value, str):
         return lookup({word: code for code, word in enumerate(row.names)}, name, value)
     if np.asarray(value).dtype.kind not in _KINDS.get(row.dtype, "iuf"):

@@ -1,4 +1,4 @@
-"""A row of a store, as arrays by path, made into the episode that was written there."""
+"""Reading rows of a store as arrays by path, and converting them to the written episodes."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from grasp_factory.core.schema import Field
 from grasp_factory.core.sensors import series_groups
 
 Row = dict[str, NDArray[Any]]
-"""Values of one episode by path, streams trimmed."""
+"""The values of one episode by path; streams have no padding."""
 
 NEEDED = frozenset(
     ("status", "checksum", "success", "outcome", "spec", "error", "n_steps", "n_imu", "n_video")
 )
-"""Columns that every store has; ``n_video`` where there are videos."""
+"""Columns that every store has; ``n_video`` only if there are videos."""
 _NOT_IN_COLUMNS = NEEDED | {"array_crc32c", "fingerprint", "seed", "index"}
-"""Columns that are not in ``Episode.columns``; and neither are the lengths of time series."""
+"""Columns that are not in ``Episode.columns``; lengths of time series are not in it either."""
 
 
 def read_rows(
@@ -33,8 +33,9 @@ def read_rows(
     """Return rows ``start`` to ``stop`` - 1, reading each array once.
 
     Args:
-        read: Returns rows of the array of a path, (stop - start, ...).
-        fields: By path.
+        read: A function of a path, start and stop that returns rows of the array at the path,
+            (stop - start, ...).
+        fields: The fields of the arrays, by path.
         start: The first row.
         stop: The row after the last.
     """
@@ -43,7 +44,7 @@ def read_rows(
     for k in range(stop - start):
         row = {path: fixed(values[k]) for path, values in at_once.items()}
         for path, field in fields.items():
-            if field.is_video:  # a block of videos would be too large to hold
+            if field.is_video:  # all videos of a block would need too much memory
                 row[path] = read(path, start + k, start + k + 1)[0]
             if field.length_column:
                 row[path] = row[path][: row[field.length_column]]
@@ -56,13 +57,13 @@ def assemble(row: Mapping[str, NDArray[Any]], cameras: Iterable[str]) -> Episode
 
     Args:
         row: See ``Row``.
-        cameras: Their names.
+        cameras: The names of the cameras.
 
     Raises:
         KeyError: if an array is missing.
-        TypeError: if a camera has another array than ``CameraFrames``.
+        TypeError: if a camera's arrays are not those of ``CameraFrames``.
         ValueError: if the recipe or the outcome cannot be read.
-        RecursionError: if the recipe is nested beyond reading.
+        RecursionError: if the recipe is nested too deeply.
     """
     groups: dict[str, dict[str, Any]] = {}
     for path, value in row.items():
@@ -84,18 +85,18 @@ def assemble(row: Mapping[str, NDArray[Any]], cameras: Iterable[str]) -> Episode
 
 
 def fixed(value: Any) -> NDArray[Any]:
-    """Return a value as an array; words get a type of fixed length, as an episode has them."""
+    """Return a value as an array; text gets a dtype of fixed length, as in an episode."""
     array = np.asarray(value)
     return np.array(array.tolist(), np.str_) if array.dtype.kind == "T" else array
 
 
 def is_fill(values: NDArray[Any], fill: Any) -> bool:
-    """Say whether values are an array's fill value, bit for bit: NaN has many forms."""
+    """Return whether values equal the fill value bit by bit: NaN has many bit patterns."""
     if values.dtype.kind == "U":
         return bool((values == fill).all())
     return values.tobytes() == np.asarray(fill, values.dtype).tobytes() * values.size
 
 
 def _plain(value: NDArray[Any]) -> Any:
-    """Return a single value as a Python one; ``Episode.contents`` turns it back exactly."""
+    """Return a scalar as a Python value; ``Episode.contents`` converts it back exactly."""
     return value.item() if value.ndim == 0 else value

@@ -16,7 +16,7 @@ from grasp_factory.writers.zarr.writer import MISSING, QUARANTINED
 
 
 class RowIndex:
-    """Finds rows by index; negative ones count from the end."""
+    """Finds rows by index; negative indices count from the end."""
 
     def __init__(self, store: Path, arrays: Mapping[str, StoredArray], block_size: int) -> None:
         """Use the arrays, by their path, of the store at ``store``."""

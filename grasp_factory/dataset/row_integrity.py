@@ -16,7 +16,7 @@ from grasp_factory.writers.zarr.digests import digest
 from grasp_factory.writers.zarr.header import SOURCES
 
 QUARANTINE_PATHS = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
-"""Paths of what a store keeps of a quarantined episode."""
+"""Paths of the values that a store keeps of a quarantined episode."""
 
 
 def episode_contents(row: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -37,7 +37,7 @@ def digested_paths(arrays: Mapping[str, StoredArray]) -> tuple[str, ...]:
     """Return the paths of the arrays that have digests, in the order of the digests.
 
     Args:
-        arrays: of a store, by path; without the array of digests the result is empty.
+        arrays: the arrays of a store, by path; without the array of digests, the result is empty.
     """
     if schema.DIGESTS.path not in arrays:
         return ()
@@ -53,23 +53,23 @@ def mismatched(
     Args:
         contents: unpadded values of an episode, by path.
         paths: see ``digested_paths``.
-        digests: of the row, (A,), in the order of the paths.
+        digests: the digests of the row, (A,), in the order of the paths.
     """
     pairs = zip(paths, digests.tolist(), strict=True)
     return {path: digest(contents[path]) != stored for path, stored in pairs if path in contents}
 
 
 def must_have_fingerprints(attributes: Mapping[str, Any]) -> bool:
-    """Say whether each row of a store must tell the platform that made it.
+    """Return whether each row of a store must have the fingerprint of its platform.
 
-    Rows of a merged store, or of one made without fingerprints, may have none.
+    Rows of a merged store, or of a store made without fingerprints, may have none.
 
     Args:
-        attributes: of the store's root.
+        attributes: the attributes of the store's root.
     """
     return FINGERPRINT in attributes and SOURCES not in attributes
 
 
 def is_valid_fingerprint(text: str, *, required: bool) -> bool:
-    """Say whether a row's fingerprint can be read, or is empty where none is required."""
+    """Return whether a row's fingerprint is valid; it may be empty if none is required."""
     return is_fingerprint(text) or not (text or required)

@@ -26,16 +26,16 @@ class StoredRow:
     content: Episode | Quarantined
     checksum: str
     fingerprint: str
-    """Text of the platform that made it; empty where the store has none."""
+    """Text that identifies the platform that made the row; empty if the store has none."""
 
 
 class RowReader:
     """Reads whole rows of a store.
 
     Attributes:
-        path: the store's.
-        config: what it was made from.
-        joints: of its robot.
+        path: the path of the store.
+        config: the configuration that it was made from.
+        joints: the number of joints of its robot.
     """
 
     def __init__(self, path: Path) -> None:
@@ -90,7 +90,7 @@ class RowReader:
 
 
 def mending(path: Path) -> str:
-    """Return what to do about a store that is damaged."""
+    """Return the advice, for error messages, on how to repair a damaged store."""
     return f"run `grasp-factory verify {path}`, then `grasp-factory repair {path}`"
 
 

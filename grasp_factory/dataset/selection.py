@@ -1,4 +1,4 @@
-"""Episodes that a user names: by index, or in a file that `query --ids` prints."""
+"""Episodes that a user selects by index, or by a file that `query --ids` printed."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, UsageError, shown
 
 LONGEST = 9
-"""Digits of a row."""
+"""Maximum number of digits of a row."""
 LONGEST_LINE = 10_000
-"""Characters: a path and a row have fewer, and a line of /dev/zero would never end."""
+"""Maximum number of characters that are read as a line: /dev/zero contains no line break."""
 
 
 def read_selection(file: TextIO, store: Path) -> list[int]:
     """Return the rows of a store that a file lists, in its order.
 
-    A line is ROW or STORE:ROW, STORE being a path; empty ones count for nothing. Lines of other
-    stores are left out, and a warning says how many.
+    A line is ROW or STORE:ROW, where STORE is a path. Empty lines are skipped. Lines of other
+    stores are left out, and a warning reports how many.
 
     Args:
-        file: Its name is said in errors.
-        store: Whose rows are wanted.
+        file: The file, which errors name.
+        store: The store whose rows are returned.
 
     Raises:
-        UsageError: naming the first line that is neither, or if all lines are of other stores.
+        UsageError: naming the first invalid line, or if all lines are of other stores.
     """
     rows, others = [], 0
     same: dict[str, bool] = {}
@@ -59,17 +59,17 @@ def read_selection(file: TextIO, store: Path) -> list[int]:
 
 
 def with_episode(rows: Sequence[int], there: Sequence[bool], store: Path) -> list[int]:
-    """Return the rows of a list that have an episode, as `query --ids` lists others, too.
+    """Return the rows of a list that have an episode; `query --ids` also lists other rows.
 
-    A warning says how many are left out: quarantined, or not made yet.
+    A warning reports how many are left out because they are quarantined or not made yet.
 
     Args:
-        rows: As ``read_selection`` returns them. Those that a store cannot have stay.
-        there: Whether a row of the store has an episode.
-        store: It is named in the warning.
+        rows: As ``read_selection`` returns them. Rows beyond the end of the store are kept.
+        there: For each row of the store, whether it has an episode.
+        store: The store, which the warning names.
 
     Raises:
-        UsageError: if none is left of some.
+        UsageError: if there are rows, but none of them has an episode.
     """
     found = [row for row in rows if row >= len(there) or there[row]]
     lost = len(rows) - len(found)
@@ -85,11 +85,11 @@ def selection_lines(chosen: Iterable[tuple[Path, int]], *, named: bool) -> list[
     """Return the lines of a list of episodes.
 
     Args:
-        chosen: Their stores and rows.
-        named: Whether lines name the store, as they must where there are several.
+        chosen: The store and the row of each episode.
+        named: Whether each line names the store, as is necessary for several stores.
 
     Raises:
-        UsageError: if a store's name does not fit in a line.
+        UsageError: if a store's path contains a line break, or white space at one of its ends.
     """
     chosen = list(chosen)
     for name in {str(store) for store, _ in chosen} if named else ():
@@ -107,12 +107,12 @@ def _is_same(path: str, store: Path) -> bool:
         return True
     try:
         return os.path.samefile(path, store)
-    except (OSError, ValueError):  # one of them is not there, or is no path at all
+    except (OSError, ValueError):  # one of them does not exist, or is not a valid path
         return False
 
 
 def check_index(dataset: Dataset, index: int) -> int:
-    """Return the index if the store has an episode there, made or quarantined.
+    """Return the index if the store's row is committed or quarantined.
 
     Raises:
         UsageError: naming the valid indices.

@@ -25,7 +25,7 @@ IMAGES = ("rgb", "depth", "segmentation")
 
 
 class Readings:
-    """Images and series of committed rows; reads only what is asked for, or what noise needs."""
+    """Reads images and series of committed rows: only those requested or needed for noise."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class Readings:
             raise StoreError(f"{self._store}: episode {row} is damaged: {error}") from None
 
     def check_image(self, camera: str, kind: str, frame: int) -> None:
-        """Check that there are such images.
+        """Check that the store has images of a camera and a kind, and that the frame is valid.
 
         Raises:
             UnknownNameError: listing the cameras, or the kinds.
@@ -101,7 +101,7 @@ class Readings:
     def cloud(
         self, row: int, camera: str | None, frame: int, part: str, in_frame: str
     ) -> PointCloud:
-        """Return a row's scene as points that cameras see; see ``Dataset.point_cloud``."""
+        """Return the points of a row's scene that cameras see; see ``Dataset.point_cloud``."""
         lookup(FRAMES, "frame", in_frame)
         shown = label_mask(part, self._config.clutter.count)
         cameras = list(self._images) if camera is None else [camera]
@@ -118,7 +118,7 @@ class Readings:
     def crop(
         self, row: int, camera: str | None, T_world_tcp: Array | None, shape: CropShape | None
     ) -> GraspCrop:
-        """Return what is seen around a grasp before the attempt; see ``Dataset.grasp_crop``."""
+        """Return what cameras see around a grasp before the attempt; see ``Dataset.grasp_crop``."""
         T = self._grasp_pose(row, "T_world_tcp=None") if T_world_tcp is None else T_world_tcp
         cameras = self._images if camera is None else (camera,)
         return grasp_crop(self.scenes([row], cameras, IMAGES, 0)[0].values(), T, shape)
@@ -153,7 +153,7 @@ class Readings:
         return scenes
 
     def _frame_pose(self, row: int, name: str, camera: str, frame: int) -> Array:
-        """Return the pose (4, 4) in the world of one of ``FRAMES`` at an image.
+        """Return the world pose (4, 4) of one of ``FRAMES`` at the time of an image.
 
         Raises:
             UsageError: if the episode has no such pose, because nothing was planned or attempted.
@@ -185,7 +185,7 @@ class Readings:
         return np.asarray(self._value(f"cameras/{camera}/T_world_camera", row)[frame])
 
     def _at_image(self, row: int, stream: str, frame: int) -> Any:
-        """Return a stream's record at an image: the first one before the attempt, else the last."""
+        """Return a stream's record for an image: the first before the attempt, the last after."""
         return self.series(row, [stream])[stream][0 if frame == 0 else -1]
 
     def _refuse(self, row: int, asked: str, condition: str) -> None:
@@ -198,7 +198,7 @@ class Readings:
 
     def _index(self, row: int) -> int:
         """Return the index of a row's recipe, on which its noise depends."""
-        path = "episodes/index"  # stores that are older than merging lack it
+        path = "episodes/index"  # stores from before merging was added lack it
         return int(self._value(path, row)) if path in self._arrays else row
 
     def _values(self, path: str, rows: Sequence[int]) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""What sensors show of a store's episodes, on demand: images, series, point clouds, crops."""
+"""Sensor data of a store's episodes, read on demand: images, series, point clouds, crops."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from grasp_factory.signals.point_cloud import PointCloud
 from grasp_factory.writers.zarr.columns import Columns
 
 RIGID = 1e-4
-"""How far a rotation's products may be from the identity's, as after a trip through float32."""
+"""Tolerance of R @ R.T to the identity for a rotation R, which may be rounded to float32."""
 
 
 class EpisodeViews(EpisodeTable):
-    """The table of a store, and what its rows' sensors show.
+    """The table of a store, and the sensor data of its rows.
 
     Attributes:
-        config: what the store was made from.
+        config: the configuration that the store was made from.
     """
 
     config: FactoryConfig
@@ -46,10 +46,10 @@ class EpisodeViews(EpisodeTable):
         self._readings = readings
 
     def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
-        """Return one image, reading no other.
+        """Return one image; no other image is read.
 
         Args:
-            index: the episode's.
+            index: the index of the episode.
             camera: a key of ``config.cameras``.
             kind: rgb (H, W, 3) uint8, depth (H, W) float32 in metres, or segmentation (H, W) uint8.
             frame: 0 before the attempt, 1 after.
@@ -63,10 +63,10 @@ class EpisodeViews(EpisodeTable):
         return image
 
     def images(self, indices: Iterable[int], camera: str, kind: str, frame: int) -> NDArray[Any]:
-        """Return the image of each of K episodes, (K, H, W, ...), opening each shard once.
+        """Return the image of each of K episodes, (K, H, W, ...); each shard is opened once.
 
         Args:
-            indices: the episodes', in any order; the images come in theirs.
+            indices: the indices of the episodes, in any order; the images have the same order.
             camera: see ``image``.
             kind: see ``image``.
             frame: see ``image``.
@@ -74,7 +74,7 @@ class EpisodeViews(EpisodeTable):
         Raises:
             UnknownNameError, IndexError, StoreError: as ``image`` does.
         """
-        self._readings.check_image(camera, kind, frame)  # told before a wrong index
+        self._readings.check_image(camera, kind, frame)  # reported before a wrong index
         rows = self._rows.several(indices).tolist()
         return self._readings.images(rows, camera, kind, frame)
 
@@ -89,19 +89,19 @@ class EpisodeViews(EpisodeTable):
     ) -> PointCloud:
         """Return what cameras see of an episode's scene as coloured, labelled points.
 
-        Pixels without depth, and those that see nothing up to the far plane, have no point.
+        Pixels without depth, and pixels that see nothing before the far plane, yield no point.
 
         Args:
-            index: the episode's.
+            index: the index of the episode.
             camera: a key of ``config.cameras``; None for all of them in one cloud.
             frame: 0 before the attempt, 1 after.
-            of: scene, objects (the target and the others), or one label's word, such as target.
-            in_frame: world, camera, tcp, grasp or object; ``clouds.FRAMES`` says what they are.
+            of: scene, objects (the target and the others), or one label's name, such as target.
+            in_frame: world, camera, tcp, grasp or object; see ``point_cloud.FRAMES``.
 
         Raises:
-            UnknownNameError: for a name that there is not.
-            UsageError: for a camera's frame without a camera, or the frame of a grasp or an
-                attempt that the episode does not have.
+            UnknownNameError: for an unknown name.
+            UsageError: if ``in_frame`` is camera and several cameras are used, or if the episode
+                lacks the grasp or the attempt that the frame needs.
             IndexError, StoreError: as ``image`` does.
         """
         for name in self.config.cameras if camera is None else (camera,):
@@ -123,11 +123,11 @@ class EpisodeViews(EpisodeTable):
     def scenes(
         self, indices: Iterable[int], kinds: Sequence[str] = IMAGES, frame: int = 0
     ) -> list[dict[str, CameraImage]]:
-        """Return what each camera sees in each of K episodes, opening each shard once.
+        """Return what each camera sees in each of K episodes; each shard is opened once.
 
         Args:
-            indices: the episodes', in any order; the scenes come in theirs.
-            kinds: the images to read; the others are all 0, and take neither time nor memory.
+            indices: the indices of the episodes, in any order; the scenes have the same order.
+            kinds: the kinds of images to read; other images are all 0, and need no time or memory.
             frame: 0 before the attempt, 1 after.
 
         Raises:
@@ -146,16 +146,17 @@ class EpisodeViews(EpisodeTable):
         T_world_tcp: ArrayLike | None = None,
         camera: str | None = None,
     ) -> GraspCrop:
-        """Return what is seen around a grasp before the attempt, turned and scaled to the gripper.
+        """Return the view around a grasp before the attempt, rotated and scaled to the gripper.
 
         Args:
-            index: the episode's.
-            shape: of the crop; None for the default.
+            index: the index of the episode.
+            shape: the shape of the crop; None for the default.
             T_world_tcp: any grasp in the episode's scene, (4, 4); None for the episode's own.
             camera: a key of ``config.cameras``; None for all of them together.
 
         Raises:
-            UsageError: if the episode has no grasp and none is given, or it is no pose.
+            UsageError: if ``T_world_tcp`` is not a rigid transform, or if it is None and the
+                episode has no grasp.
             UnknownNameError, IndexError, StoreError: as ``image`` does.
         """
         for name in self.config.cameras if camera is None else (camera,):
@@ -166,7 +167,9 @@ class EpisodeViews(EpisodeTable):
         return self._readings.crop(row, camera, T_world_tcp, shape)
 
     def series(self, index: int, *names: str) -> dict[str, NDArray[Any]]:
-        """Return some streams of one episode, unpadded, reading no others (than noise needs).
+        """Return some streams of one episode, without padding.
+
+        No other streams are read, except those that noise needs.
 
         Raises:
             UnknownNameError: listing the streams.
@@ -175,10 +178,10 @@ class EpisodeViews(EpisodeTable):
 
 
 def _pose(T: ArrayLike) -> Array:
-    """Return a pose as an array.
+    """Return a rigid transform as an array, (4, 4).
 
     Raises:
-        UsageError: if it is none.
+        UsageError: if ``T`` is not a rigid transform.
     """
     try:
         pose = np.asarray(T, np.float64)

@@ -1,4 +1,4 @@
-"""Counts of what is in a store."""
+"""Counts of the episodes of a store."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ _BALANCED = ("policy", "object_family")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tally:
-    """How often an attempt of one kind succeeded."""
+    """How many episodes of one kind there are, and how many of them succeeded."""
 
     episodes: int
     successes: int
     success_rate: float | None
-    """None without episodes."""
+    """None if there are no episodes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreSummary:
-    """The episodes of a store, counted in several ways. Rates are over the committed ones."""
+    """The episodes of a store, counted in several ways; rates are over committed episodes."""
 
     path: str
     episodes: int
@@ -49,15 +49,15 @@ class StoreSummary:
     success_rate: float | None
     policies: Mapping[str, Tally]
     outcomes: Mapping[str, int]
-    """Only those that occur, in their fixed order."""
+    """Only outcomes that occur, in the order of ``Outcome``."""
     families: Mapping[str, Tally]
-    """By the target's kind of shape; empty for stores that are older than families."""
+    """By the target's kind of shape; empty for stores from before families were recorded."""
     families_by_policy: Mapping[str, Mapping[str, Tally]]
     """By family, then by policy; only those that occur."""
     object_sets: Mapping[str, Tally]
     splits: Mapping[str, Tally]
     quality: Mapping[str, int]
-    """Episodes by score, the best first; empty for stores that are older than scores."""
+    """Episodes by score, the best first; empty for stores from before scores were recorded."""
     annotated: int
     """Rows that people have annotated."""
     corrected: int
@@ -67,12 +67,12 @@ class StoreSummary:
     platforms: Mapping[str, int]
     """Rows by the fingerprint of the platform that made them; rows without one are left out."""
     bytes: int
-    """Of all files, except those that a killed run left of its last blocks."""
+    """Size of all files, except those that a killed run left of its last blocks."""
     bytes_per_episode: int | None
 
 
 def summarise(dataset: Dataset) -> StoreSummary:
-    """Count what a dataset holds."""
+    """Return the counts of a dataset's episodes."""
     columns = Columns.open(dataset.path)
     newer = [name for name in ("quality", "object_family", "fingerprint") if name in columns.names]
     read = columns.read("status", "success", "outcome", "policy", "object_set", "split", *newer)
@@ -109,7 +109,7 @@ def summarise(dataset: Dataset) -> StoreSummary:
 
 
 def array_facts(dataset: Dataset) -> list[dict[str, Any]]:
-    """Return path, shape, type and units of every array of a store, as its metadata says."""
+    """Return path, shape, type and units of every array of a store, from its metadata."""
     return [
         {
             "path": path,
@@ -122,7 +122,7 @@ def array_facts(dataset: Dataset) -> list[dict[str, Any]]:
 
 
 def _tallies(keys: Sequence[K], success: Sequence[bool]) -> dict[K, Tally]:
-    """Return a tally for each key among those of all episodes, in the keys' order."""
+    """Return a tally for each different key, sorted; ``keys`` has one item for each episode."""
     episodes, successes = Counter(keys), Counter(compress(keys, success))
     return {key: _tally(episodes[key], successes[key]) for key in sorted(episodes)}
 

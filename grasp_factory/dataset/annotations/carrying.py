@@ -1,4 +1,4 @@
-"""Taking the annotations of some rows along into a new store."""
+"""Copying the annotations of some rows into a new store."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ HOW_TO_MEND = "nothing tells what it said: look at it, then delete that line"
 
 
 def check_log(store: Path) -> AnnotationLog:
-    """Return the log of the store at ``store``, in which every line stands for a change.
+    """Return the log of the store at ``store``, in which every line is a valid change.
 
     Raises:
-        StoreError: naming a line that does not.
+        StoreError: naming the first line that is not.
     """
     log = AnnotationLog(store)
     for line, fault in log.damaged()[:1]:
@@ -32,13 +32,14 @@ def check_log(store: Path) -> AnnotationLog:
 def carry(from_store: Path, to_store: Path, rows: Mapping[int, int]) -> int:
     """Add the changes of some rows to the log of a store that is being made.
 
-    Changes stand in the order of time there; those of one store keep their own order. A change that
-    the log has already, from another store with the same episode, is not added.
+    That log is ordered by time; changes of one store keep their order. A change that the log
+    already has, from another store with the same episode, is not added.
 
     Args:
-        from_store: where they are.
-        to_store: which nobody else knows yet.
-        rows: its rows by those of ``from_store``; changes of others are left out.
+        from_store: the store that has the changes.
+        to_store: the new store, which no other process uses yet.
+        rows: the row in ``to_store`` of each row of ``from_store``; changes of other rows are left
+            out.
 
     Returns:
         How many changes were added.

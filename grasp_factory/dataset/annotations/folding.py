@@ -1,4 +1,4 @@
-"""From changes to what stands: pure functions."""
+"""Computing the current annotations from changes, with pure functions."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from grasp_factory.dataset.annotations.records import Annotation, Change, Mark
 
 
 def fold(changes: Iterable[Change]) -> dict[int, Annotation]:
-    """Return what stands after some changes, by row; rows with nothing set are not in it.
+    """Return the annotations after some changes, by row; rows with nothing set are left out.
 
-    What counts is the order of the changes, not their times.
+    The order of the changes counts, not their times.
     """
     out: dict[int, Annotation] = {}
     for change in changes:
@@ -23,7 +23,7 @@ def fold(changes: Iterable[Change]) -> dict[int, Annotation]:
 
 
 def fold_in(annotations: dict[int, Annotation], change: Change) -> bool:
-    """Change what stands by one change; return whether that has changed anything."""
+    """Apply one change to the annotations; return whether it had an effect."""
     before = annotations.get(change.row)
     after = changed(before, change)
     if after is None:
@@ -34,9 +34,9 @@ def fold_in(annotations: dict[int, Annotation], change: Change) -> bool:
 
 
 def changed(before: Annotation | None, change: Change) -> Annotation | None:
-    """Return what stands of an episode after a change; None if nothing is set.
+    """Return the annotation of an episode after a change; None if nothing is set.
 
-    A change that changes nothing gives ``before`` itself.
+    If the change has no effect, return ``before`` itself.
     """
     old = before or Annotation(row=change.row)
     new = _with(old, change)
@@ -60,6 +60,6 @@ def _with(old: Annotation, change: Change) -> Annotation:
             more = {"marks": tuple(marks.values())}
         case "unmark":
             more = {"marks": tuple(mark for mark in old.marks if mark.id != value)}
-        case kind:  # note, quality, outcome: the last one stands
+        case kind:  # note, quality, outcome: the last one counts
             more = {kind: value}
     return replace(old, **more)

@@ -1,4 +1,4 @@
-"""A change as a line of the log: JSON, with a checksum of itself as its last member."""
+"""A change as a line of the log: JSON, whose last member is a checksum of the text before it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _WHEN = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}\.[0-9
 
 
 def encode(change: Change) -> bytes:
-    """Return a change as a line, its line break included."""
+    """Return a change as a line, including its line break."""
     record = {
         "when": change.when,
         "who": change.who,
@@ -33,10 +33,10 @@ def encode(change: Change) -> bytes:
 
 
 def decode(line: bytes) -> Change:
-    """Return the change that a line, without its line break, stands for.
+    """Return the change that a line, without its line break, represents.
 
     Raises:
-        ValueError: saying what is wrong with it, without a word of what it holds.
+        ValueError: saying what is wrong with the line, but without any of its content.
     """
     sealed = _SEAL.fullmatch(line[-_SEAL_LENGTH:])
     text = line[:-_SEAL_LENGTH]
@@ -62,6 +62,6 @@ def to_record(change: Change) -> dict[str, Any]:
 
 
 def now() -> str:
-    """Return this moment as changes have it."""
+    """Return the current time in the format of ``Change.when``."""
     text = datetime.now(UTC).isoformat(timespec="milliseconds")
     return text.replace("+00:00", "Z")

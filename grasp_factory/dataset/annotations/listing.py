@@ -24,7 +24,7 @@ def tag_counts(annotations: Iterable[Annotation]) -> dict[str, int]:
 
 
 def summary(annotations: Sequence[Annotation]) -> dict[str, int]:
-    """Return how many episodes have anything, and each thing."""
+    """Return how many episodes are annotated, and how many have each kind of annotation."""
     return {
         "annotated": len(annotations),
         "tagged": sum(bool(said.tags) for said in annotations),
@@ -36,7 +36,10 @@ def summary(annotations: Sequence[Annotation]) -> dict[str, int]:
 
 
 def annotations_csv(annotations: Iterable[Annotation]) -> str:
-    """Return a line for each annotation below a head; tags with commas, marks as JSON."""
+    """Return CSV with a header and a line for each annotation.
+
+    Tags are separated by commas, marks are JSON.
+    """
     records = [to_plain(said) for said in annotations]
     for record in records:
         record["tags"] = ",".join(record["tags"])
@@ -45,7 +48,7 @@ def annotations_csv(annotations: Iterable[Annotation]) -> str:
 
 
 def changes_csv(changes: Iterable[Change]) -> str:
-    """Return a line for each change below a head; values that are no text as JSON."""
+    """Return CSV with a header and a line for each change; values other than text are JSON."""
     records = [to_plain(change) for change in changes]
     for record in records:
         if not isinstance(record["value"], str):
@@ -54,7 +57,7 @@ def changes_csv(changes: Iterable[Change]) -> str:
 
 
 def change_text(change: Change) -> str:
-    """Return what a change says, in one line."""
+    """Return the value of a change as one line of text."""
     value = change.value
     if change.kind == "mark":
         pixels = ", ".join(f"{number:g}" for number in value["pixels"])

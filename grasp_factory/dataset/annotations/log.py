@@ -1,4 +1,4 @@
-"""The log of a store's annotations: reading what stands, and adding to it."""
+"""The log of a store's annotations: reading the current ones, and appending changes."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from grasp_factory.dataset.annotations.values import checked, checked_who
 from grasp_factory.errors import UsageError, shown
 
 USER = "GRASP_FACTORY_USER"
-"""Environment variable with the name of who makes changes."""
+"""Environment variable with the name of the person who makes changes."""
 MOST_CHANGES = 100
-"""In one call, to each of its rows."""
+"""Maximum number of changes in one call, for each of its rows."""
 MOST_TAGS, MOST_MARKS = 64, 500
-"""Of one episode."""
+"""Maximum numbers of tags and of marks of one episode."""
 _TAIL = 256
-"""Bytes before the end of what was read that tell whether the file is still the same."""
+"""How many of the last bytes read are compared, to detect that the file was replaced."""
 
 
 @dataclass(slots=True)
 class _Seen:
-    """What was read of the file so far: whole lines only."""
+    """The part of the file that was read so far, in whole lines."""
 
     file: tuple[int, int] | None = None
-    """Its device and inode."""
+    """Device and inode of the file."""
     size: int = 0
     tail: bytes = b""
     lines: int = 0
@@ -44,7 +44,7 @@ class _Seen:
     is_finished: bool = True
 
     def take(self, data: bytes) -> None:
-        """Read on: whole lines, and what is there of the last one."""
+        """Add the whole lines of data that follows; an unfinished last line is left for later."""
         end = data.rfind(b"\n") + 1
         for line in data[:end].split(b"\n")[:-1]:
             self.lines += 1
@@ -61,18 +61,18 @@ class _Seen:
 
 
 class AnnotationLog:
-    """What people say of a store's episodes: an append-only file in the store.
+    """Annotations of a store's episodes by people: an append-only file in the store.
 
-    Several processes and threads may read and append at once. Reading goes on past lines that are
-    damaged, and does not see a last line that is unfinished; ``damaged`` names the former, and
-    ``grasp-factory verify`` both. Only what was appended since is read again.
+    Several processes and threads may read and append at the same time. Reading skips damaged lines
+    and an unfinished last line. ``damaged`` lists the damaged lines; ``grasp-factory verify``
+    reports both. Each read continues after the part that was read before.
 
     Attributes:
-        store: where the store is.
+        store: the path of the store.
     """
 
     def __init__(self, store: Path | str) -> None:
-        """Read nothing yet; a store without annotations has no log."""
+        """Use the store at ``store``; nothing is read yet, and the log need not exist."""
         self.store = Path(store)
         self._file = log_file(self.store)
         self._seen, self._lock = _Seen(), threading.Lock()
@@ -86,7 +86,7 @@ class AnnotationLog:
         return list(self._read().changes)
 
     def annotations(self) -> dict[int, Annotation]:
-        """Return what stands, by row; rows with nothing set are not in it.
+        """Return the current annotations, by row; rows with nothing set are left out.
 
         Raises:
             StoreError: if the log cannot be read.
@@ -94,7 +94,7 @@ class AnnotationLog:
         return dict(self._read().annotations)
 
     def of(self, row: int) -> Annotation | None:
-        """Return what stands of one row; None if nothing is set.
+        """Return the current annotation of one row; None if nothing is set.
 
         Raises:
             StoreError: if the log cannot be read.
@@ -110,7 +110,7 @@ class AnnotationLog:
         return [change for change in self._read().changes if change.row == row]
 
     def damaged(self) -> list[tuple[int, str]]:
-        """Return number and fault of each line that stands for no change, counted from 1.
+        """Return the number, from 1, and the fault of each line that is not a valid change.
 
         Raises:
             StoreError: if the log cannot be read.
@@ -118,7 +118,9 @@ class AnnotationLog:
         return list(self._read().damaged)
 
     def is_finished(self) -> bool:
-        """Say whether the last line has its line break: else its writer is at it, or was killed.
+        """Return whether the last line has its line break.
+
+        If not, the line is being written, or its writer was killed.
 
         Raises:
             StoreError: if the log cannot be read.
@@ -126,9 +128,9 @@ class AnnotationLog:
         return self._read().is_finished
 
     def state(self) -> tuple[int, int]:
-        """Return size and time of change [ns] of the log, (0, 0) if there is none.
+        """Return size [bytes] and modification time [ns] of the log; (0, 0) if there is none.
 
-        That tells cheaply whether anything was added.
+        This is a cheap way to find out whether anything was added.
         """
         try:
             found = self._file.stat()
@@ -139,21 +141,21 @@ class AnnotationLog:
     def append(
         self, who: str, rows: Iterable[int], changes: Sequence[tuple[str, Any]]
     ) -> dict[int, Annotation | None]:
-        """Make changes to some episodes: all of them or, if anything is wrong, none.
+        """Make changes to some episodes: all changes or, if anything is invalid, none.
 
-        What changes nothing, such as a tag that is there already, is not written.
+        A change without effect, such as a tag that is already set, is not written.
 
         Args:
-            who: the person.
-            rows: of episodes that are committed or quarantined.
-            changes: kind and value of each, as in ``KINDS``; all are made to each row.
+            who: the name of the person.
+            rows: the rows of committed or quarantined episodes.
+            changes: kind and value of each change, as in ``KINDS``; all are made to each row.
 
         Returns:
-            What stands now, by row; None where nothing is set.
+            The annotations after the changes, by row; None for rows with nothing set.
 
         Raises:
-            UsageError: for a row, a name, a kind or a value that is none, or if there is no store.
-            StoreError: if the log cannot be written; then it is as it was.
+            UsageError: for an invalid row, name, kind or value, or if there is no store.
+            StoreError: if the log cannot be written; it is then unchanged.
         """
         name, places = checked_who(who), _checked_rows(rows)
         wanted = [(kind, checked(kind, value)) for kind, value in changes]
@@ -167,14 +169,14 @@ class AnnotationLog:
         after, lines = self._planned(name, places, wanted)
         if lines:
             with appending(self.store) as descriptor:
-                after, lines = self._planned(name, places, wanted)  # others may have been quicker
+                after, lines = self._planned(name, places, wanted)  # the log may have grown
                 append(descriptor, b"".join(lines))
         return {row: after.get(row) for row in places}
 
     def _planned(
         self, who: str, rows: Sequence[int], changes: Sequence[tuple[str, Any]]
     ) -> tuple[dict[int, Annotation], list[bytes]]:
-        """Return what will stand of some rows, and the lines of what changes anything."""
+        """Return the annotations of some rows after changes, and the lines of effective changes."""
         standing, when = self._read().annotations, now()
         after = {row: standing[row] for row in rows if row in standing}
         lines = []
@@ -187,7 +189,7 @@ class AnnotationLog:
         return after, lines
 
     def _read(self) -> _Seen:
-        """Read what has been appended since; all of it if the file is another one."""
+        """Read what was appended since the last read; the whole file if it was replaced."""
         with self._lock, reading(self._file) as descriptor:
             if descriptor is None:
                 self._seen = _Seen()
@@ -204,7 +206,7 @@ class AnnotationLog:
 
 
 def default_who() -> str:
-    """Return the name of who makes changes: ``$GRASP_FACTORY_USER``, or the account's."""
+    """Return the name of the person who makes changes: ``$GRASP_FACTORY_USER`` or the account's."""
     if name := os.environ.get(USER, ""):
         return name
     try:
@@ -214,10 +216,12 @@ def default_who() -> str:
 
 
 def _check_amount(row: int, before: Annotation | None, after: Annotation | None) -> None:
-    """Check that a row has not come to have too many tags or marks; fewer than before are fine.
+    """Check that a change does not leave a row with too many tags or marks.
+
+    A row that already had too many may keep them, but must not get more.
 
     Raises:
-        UsageError: if it has.
+        UsageError: if there are too many.
     """
     for name, most in (("tags", MOST_TAGS), ("marks", MOST_MARKS)):
         count = len(getattr(after, name, ()))
@@ -226,7 +230,7 @@ def _check_amount(row: int, before: Annotation | None, after: Annotation | None)
 
 
 def _checked_rows(rows: Iterable[int]) -> list[int]:
-    """Return rows, ascending, each once."""
+    """Return rows in ascending order, without duplicates."""
     given = list(rows)
     for row in given:
         if not is_integer(row):

@@ -23,19 +23,19 @@ DESCRIPTION = "place of log.jsonl, what people say of episodes; not derived, onl
 LINK = "is a link, and annotations stay in their store"
 OWN_FOLDER = "put a copy of what it leads to in its place, or remove it"
 WAIT_S = 30.0
-"""Seconds that others may hold the lock; a change takes milliseconds."""
+"""Seconds to wait for the lock; a change holds it for milliseconds."""
 _WINDOW = 1 << 16
 
 
 def log_file(store: Path) -> Path:
-    """Return where a store's log is, or would be."""
+    """Return the path of a store's log, whether it exists or not."""
     return store / FOLDER / NAME
 
 
 def check_own(folder: Path) -> None:
     """Check that a store's folder of annotations is in the store.
 
-    Otherwise a store from a stranger could have files outside of it read and written.
+    Through a link, a hostile store could cause reads and writes of files outside of it.
 
     Raises:
         StoreError: if it is a link.
@@ -78,7 +78,7 @@ def appending(store: Path) -> Iterator[int]:
 
     Raises:
         StoreError: if it cannot be written.
-        StoreBusyError: if others hold the lock for too long.
+        StoreBusyError: if another process holds the lock for too long.
     """
     file = log_file(store)
     check_own(file.parent)
@@ -91,7 +91,7 @@ def appending(store: Path) -> Iterator[int]:
         if not is_sealed(file.parent / "zarr.json"):
             write_placeholder(store, FOLDER, DESCRIPTION)
         if not os.fstat(descriptor).st_size:
-            fsync([file.parent])  # it may be new
+            fsync([file.parent])  # the file may be new
         settle(descriptor)
         yield descriptor
     except OSError as error:
@@ -121,7 +121,7 @@ def append(descriptor: int, data: bytes) -> None:
 def settle(descriptor: int) -> bool:
     """Remove an unfinished last line; return whether there was one.
 
-    A complete one that lacks only its line break gets it: an editor may have left that out.
+    A complete line that lacks only its line break gets one: an editor may have left it out.
     """
     size = os.fstat(descriptor).st_size
     last = _last_line(descriptor, size)
@@ -147,7 +147,7 @@ def replace_log(store: Path, data: bytes) -> None:
 
 
 def _last_line(descriptor: int, size: int) -> bytes:
-    """Return what follows the last line break."""
+    """Return the bytes after the last line break."""
     window = _WINDOW
     while True:
         data = os.pread(descriptor, window, max(size - window, 0))
@@ -157,7 +157,7 @@ def _last_line(descriptor: int, size: int) -> bytes:
 
 
 def _take(file: Path) -> int:
-    """Return the log's descriptor, locked; wait while others hold the lock."""
+    """Return the log's descriptor, locked; wait while another process holds the lock."""
     deadline = time.monotonic() + WAIT_S
     check = partial(_check_regular, file)
     while True:

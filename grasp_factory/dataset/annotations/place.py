@@ -1,4 +1,4 @@
-"""What only the store knows: which rows there are, its cameras, how large an image is."""
+"""Checks of changes against the store: its rows, its cameras and the size of its images."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from grasp_factory.writers.zarr.writer import MISSING
 
 
 def check_place(store: Path, rows: Sequence[int], changes: Sequence[tuple[str, Any]]) -> None:
-    """Check that the store at ``store`` has these rows, and images that marks are on.
+    """Check that the store at ``store`` has these rows, and the images of marks.
 
     Args:
-        store: its path.
+        store: the path of the store.
         rows: ascending integers, at least one.
-        changes: kinds and values that are checked in themselves.
+        changes: kinds and values that have passed ``values.checked``.
 
     Raises:
         StoreMismatchError: if there is no store.
-        UsageError: naming the row, or what of the mark is not in the store.
+        UsageError: naming the row, or the part of a mark, that the store does not have.
         StoreError: if the store is damaged.
     """
     root, config = open_store(store, mode="r")
@@ -46,7 +46,7 @@ def _check_rows(store: Path, status: StoredArray, rows: Sequence[int], size: int
             raise UsageError(f"episode {row} of {store}: valid: {valid}")
     wanted = np.array(rows, np.int64)
     firsts = np.flatnonzero(np.diff(wanted // size)) + 1
-    for mine in np.split(wanted, firsts):  # those of one block, whose file is read once
+    for mine in np.split(wanted, firsts):  # the rows of one block, whose file is read once
         found = status.read(mine[0], mine[-1] + 1)
         missing = mine[found[mine - mine[0]] == MISSING]
         if len(missing):

@@ -1,4 +1,4 @@
-"""What is known of an episode from people, and one change of it."""
+"""The annotation of an episode by people, and one change of it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from grasp_factory.core.serialization import check, normalise
 from grasp_factory.dataset.annotations.text import checked_text
 
 SHAPES = {"box": 4, "point": 2}
-"""Shapes of marks, with how many numbers they have."""
+"""Shapes of marks, with how many numbers each has."""
 LONGEST_LABEL = 64
 _ID = re.compile(r"[0-9a-f]{12}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """One thing that a person said of one episode."""
+    """One change that a person made to the annotation of one episode."""
 
     when: str
     """UTC, ISO 8601 with milliseconds: 2026-01-31T08:15:00.250Z."""
@@ -26,19 +26,19 @@ class Change:
     kind: str
     """One of ``KINDS``."""
     value: Any
-    """JSON data; what it is depends on the kind."""
+    """JSON data, whose type depends on the kind."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
     """A box or a point on a stored image.
 
-    Its pixels are counted from the image's upper left corner, so that the middle of the first pixel
-    is at (0.5, 0.5) and the lower right corner at (width, height).
+    Its coordinates are pixels from the image's upper left corner. The centre of the first pixel is
+    at (0.5, 0.5), and the lower right corner of the image is at (width, height).
     """
 
     id: str
-    """12 hexadecimal digits; a mark with the id of another one takes its place."""
+    """12 hexadecimal digits; a new mark replaces an older mark with the same id."""
     camera: str
     frame: int
     """0 for the image before the attempt, 1 for the one after."""
@@ -49,10 +49,10 @@ class Mark:
     """A box: x and y of its upper left corner, width, height; a point: x, y."""
 
     def __post_init__(self) -> None:
-        """Check all but what only the store knows.
+        """Check everything that does not depend on the store.
 
         Raises:
-            ConfigError: naming the field, what it got and what is valid.
+            ConfigError: naming the field, its value and what is valid.
         """
         normalise(self)
         check(bool(_ID.fullmatch(self.id)), "id", self.id, "12 hexadecimal digits")
@@ -69,7 +69,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Annotation:
-    """All that people have said of one episode, as it stands."""
+    """The current annotation of one episode."""
 
     row: int
     tags: tuple[str, ...] = ()
@@ -78,13 +78,13 @@ class Annotation:
     quality: int | None = None
     """1 (bad) to 5 (good)."""
     outcome: str | None = None
-    """A corrected label, a word of ``Outcome``."""
+    """The corrected label: a name of ``Outcome``, in lower case."""
     marks: tuple[Mark, ...] = ()
     """In the order in which they were first set."""
     changed: str = ""
-    """When it last was."""
+    """Time of the last change, in the format of ``Change.when``."""
     by: str = ""
-    """Who did that."""
+    """Name of the person who made the last change."""
 
     @property
     def is_empty(self) -> bool:

@@ -1,4 +1,4 @@
-"""Text from people: any script, but nothing that a reader would not see."""
+"""Checks of text from people: any script is valid, but no invisible characters."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Any
 from grasp_factory.core.serialization import check
 
 _UNSEEN = {"Cc", "Cf", "Co", "Cs", "Zl", "Zp"}
-"""Unicode's categories of characters without a look of their own."""
+"""Unicode's categories of invisible characters."""
 _JOINERS = "\u200c\u200d"
-"""Characters of these that scripts and emoji need."""
+"""Invisible characters that are valid, because some scripts and emoji need them."""
 
 
 def checked_text(key: str, value: Any, most: int, *, least: int = 1, without: str = "") -> str:
-    """Return a text of one line, composed (NFC) and without white space around it.
+    """Return a text of one line, in Unicode form NFC and without surrounding white space.
 
     Args:
-        key: its name in errors.
-        value: what a person gave.
-        most: characters.
-        least: characters.
-        without: a character that it must not have.
+        key: the name of the text in errors.
+        value: the value from a person.
+        most: the maximum number of characters.
+        least: the minimum number of characters.
+        without: characters that the text must not contain.
 
     Raises:
-        ConfigError: if it is none.
+        ConfigError: if the value is not such a text.
     """
     text = _composed(value, most)
     ok = least <= len(text) <= most and not any(c in without or _is_unseen(c) for c in text)
@@ -34,10 +34,10 @@ def checked_text(key: str, value: Any, most: int, *, least: int = 1, without: st
 
 
 def checked_lines(key: str, value: Any, most: int) -> str:
-    """Return a text of any number of lines, composed and without white space around it.
+    """Return a text of any number of lines, in form NFC and without surrounding white space.
 
     Raises:
-        ConfigError: if it is none.
+        ConfigError: if the value is not such a text.
     """
     text = _composed(value, most).replace("\r\n", "\n").replace("\r", "\n")
     ok = len(text) <= most and not any(_is_unseen(c) and c not in "\n\t" for c in text)
@@ -46,7 +46,10 @@ def checked_lines(key: str, value: Any, most: int) -> str:
 
 
 def _composed(value: Any, most: int) -> str:
-    """Return a text as it is kept, or, in place of what is none or far too long, one too long."""
+    """Return a text in Unicode form NFC, without surrounding white space.
+
+    For a non-string or oversized value, return a placeholder that the length check rejects.
+    """
     if not isinstance(value, str) or len(value) > 4 * most + 4:
         return "x" * (most + 1)
     return unicodedata.normalize("NFC", value).strip()

@@ -1,4 +1,4 @@
-"""What can be said of an episode: the kinds of changes, and which values each takes."""
+"""The kinds of changes to an annotation, and the values that each kind takes."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ BEST_QUALITY = 5
 
 
 def checked(kind: Any, value: Any) -> Any:
-    """Return the value of a change as it is kept: JSON data, its text composed.
+    """Return the value of a change as it is stored: JSON data, with text in Unicode form NFC.
 
     Raises:
-        UnknownNameError: for a kind that is none, listing them.
+        UnknownNameError: for an unknown kind, listing the valid ones.
         ConfigError: for a value that the kind does not take.
     """
     return lookup(KINDS, "kind of change", kind if isinstance(kind, str) else shown(kind))(value)
 
 
 def checked_tag(value: Any) -> str:
-    """Return a tag as it is kept.
+    """Return a tag as it is stored.
 
     Raises:
-        ConfigError: if it is none.
+        ConfigError: if it is invalid.
     """
     return checked_text("tag", value, LONGEST_TAG, without=",")
 
 
 def checked_who(value: Any) -> str:
-    """Return a person's name as it is kept.
+    """Return a person's name as it is stored.
 
     Raises:
-        ConfigError: if it is none.
+        ConfigError: if it is invalid.
     """
     return checked_text("who", value, LONGEST_NAME)
 
@@ -81,4 +81,4 @@ KINDS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
         "unmark": _unmark,
     }
 )
-"""Kinds of changes, with what checks their values."""
+"""Kinds of changes, with the function that checks and returns the value of each."""

@@ -1,4 +1,4 @@
-"""Making an index of stores, and bringing one up to date."""
+"""Building an index of stores, and changing its rows."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SUFFIX = ".index.sqlite"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Built:
-    """An index that was made."""
+    """The result of building an index."""
 
     path: Path
     stores: tuple[Path, ...]
@@ -33,17 +33,17 @@ class Built:
 
 
 def default_path(store: Path) -> Path:
-    """Return where the index of a store lies: beside it, as ``grasps.zarr.index.sqlite``."""
+    """Return the path of a store's index: next to the store, as ``grasps.zarr.index.sqlite``."""
     whole = Path(os.path.abspath(store))
     return whole.with_name(whole.name + SUFFIX)
 
 
 def places(stores: Sequence[Path]) -> list[Path]:
-    """Return the whole paths of stores, in their order.
+    """Return the absolute paths of stores, in their order.
 
     Raises:
-        UsageError: without any, for one that is named twice, also by a link, or for a name that
-            is no text.
+        UsageError: if there are no stores, if one is named twice, also through a link, or if a
+            path is not UTF-8.
     """
     paths = [Path(os.path.abspath(store)) for store in stores]
     if not paths:
@@ -67,18 +67,18 @@ def build(
     on_start: Callable[[int], None] = lambda rows: None,
     on_row: Callable[[int], None] = lambda row: None,
 ) -> Built:
-    """Make the index of some stores anew; one that is at ``out`` is replaced at the end.
+    """Build the index of some stores; an existing index at ``out`` is replaced at the end.
 
     Args:
-        stores: Their number in the index is their place here.
-        out: The index's file.
+        stores: The stores; the position of each is its number in the index.
+        out: The file of the index.
         on_start: Called once, with the number of rows to read.
         on_row: Called after each row, with its number in its store.
 
     Raises:
-        StoreMismatchError: if one is no store.
-        StoreError: if one is damaged beyond reading.
-        UsageError: if the index cannot be written, or ``out`` is another file than an index.
+        StoreMismatchError: if there is no store at a path.
+        StoreError: if a store is too damaged to be read.
+        UsageError: if the index cannot be written, or ``out`` is a file that is not an index.
     """
     started = time.monotonic()
     paths, place = places(stores), Path(os.path.realpath(out))
@@ -103,7 +103,7 @@ def build(
 def add_store(
     connection: sqlite3.Connection, number: int, source: IndexSource, state: str | None
 ) -> None:
-    """Put down a store and its facts, without its rows."""
+    """Insert or replace a store and the values that its rows share, without its rows."""
     facts = source.facts
     connection.execute(
         f"REPLACE INTO stores (id, path, root, state, {', '.join(OF_STORES)})"
@@ -119,7 +119,7 @@ def add_blocks(
     blocks: Mapping[int, str],
     on_row: Callable[[int], None] = lambda row: None,
 ) -> list[int]:
-    """Put down the rows of some blocks, of which none is there; return their ids."""
+    """Insert rows of blocks that are not indexed yet; return the ids of the rows."""
     columns = ", ".join(map(quoted, OF_ROWS))
     insert = f"INSERT INTO episodes (id, {columns}) VALUES (?{', ?' * len(OF_ROWS)})"
     place, store = OF_ROWS.index("row"), OF_ROWS.index("store")
@@ -139,7 +139,7 @@ def add_blocks(
 
 
 def remove_rows(connection: sqlite3.Connection, first: int, stop: int) -> list[int]:
-    """Take the rows with ids from ``first`` to ``stop`` - 1 out; return the ids of those there."""
+    """Delete the rows with ids from ``first`` to ``stop`` - 1; return the deleted ids."""
     span = (first, stop)
     connection.execute("DELETE FROM row_tags WHERE id >= ? AND id < ?", span)
     gone = connection.execute("DELETE FROM episodes WHERE id >= ? AND id < ? RETURNING id", span)
@@ -147,8 +147,8 @@ def remove_rows(connection: sqlite3.Connection, first: int, stop: int) -> list[i
 
 
 def annotate(connection: sqlite3.Connection, number: int, log: AnnotationLog) -> list[int]:
-    """Bring what people said of a store's rows up to date; return the ids of rows it changed."""
-    state = json.dumps(log.state())  # first: a change that comes meanwhile is found the next time
+    """Update the annotations of a store's rows; return the ids of the rows that changed."""
+    state = json.dumps(log.state())  # read first: a later change is found the next time
     said = log.annotations()
     first, last = row_id(number, 0), row_id(number + 1, 0)
     names = ", ".join(quoted(name) for name in OF_PEOPLE)
@@ -174,7 +174,7 @@ def set_annotation(
     annotation: Annotation | None,
     before: tuple[Any, ...] | None = None,
 ) -> bool:
-    """Put down what people said of a row; say whether it is there and had something else."""
+    """Write the annotation of a row; return whether the row exists and has changed."""
     found = connection.execute("SELECT quality FROM episodes WHERE id = ?", (key,)).fetchone()
     if found is None:
         return False
@@ -192,7 +192,7 @@ def set_annotation(
 
 
 def _values(annotation: Annotation | None, quality: int | None) -> tuple[Any, ...]:
-    """Return the values of ``OF_PEOPLE`` of a row whose store has a quality for it."""
+    """Return a row's values of ``OF_PEOPLE``; ``quality`` is the store's own."""
     if annotation is None:
         return None, None, None, None, quality
     return (
@@ -205,6 +205,6 @@ def _values(annotation: Annotation | None, quality: int | None) -> tuple[Any, ..
 
 
 def fold(connection: sqlite3.Connection, texts: Iterable[str | None]) -> None:
-    """Keep how texts read without case where SQLite, which knows ASCII's only, cannot tell."""
+    """Store the case-folded form of texts whose case SQLite cannot ignore: those beyond ASCII."""
     strange = [(t, t.casefold()) for t in texts if t and not (t.isascii() and "\0" not in t)]
     connection.executemany("REPLACE INTO folded VALUES (?, ?)", strange)

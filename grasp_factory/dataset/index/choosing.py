@@ -1,8 +1,8 @@
 """The rows that a query finds, in its order, without reading the rows themselves.
 
-A condition uses the index of its column, and an order the index of another. Both hold ids, so
-that no row is opened. If m of n rows are found, that costs m steps; walking along an order until
-enough of them have come takes n - m more at the worst.
+A condition uses the database's index of its column, and an order uses the index of another column.
+Both contain the ids, so that no row is read. If m of n rows are found, the condition costs m steps.
+Walking along the order until enough of these rows are reached costs n - m more steps at most.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from grasp_factory.dataset.index.query import Query
 from grasp_factory.dataset.index.sql import Clause, SharedColumns, condition_clause, order
 
 FEW = 10
-"""Found rows are sorted by themselves where they are fewer than all by this factor."""
+"""Found rows are sorted separately if they are fewer than one in this many of all rows."""
 FEW_LEFT_OUT = 4
-"""Those that are left out are looked up instead where they are fewer than all by this factor."""
+"""Rows left out are looked up instead if they are at most one in this many of all rows."""
 
 
 def found_ids(
@@ -77,7 +77,7 @@ def some_in_order(
     left_out = _left_out(connection, query, facts)
     found = None if left_out is not None else found_ids(connection, query, facts)
     total = count_rows(connection) - len(left_out or ()) if found is None else len(found)
-    stop = min(offset + limit, total)  # no step beyond the last one that there is
+    stop = min(offset + limit, total)  # no step beyond the last found row
     if offset >= stop:
         return total, []
     rows = in_order(connection, query, facts, found)
@@ -91,7 +91,8 @@ def _left_out(
 ) -> set[int] | None:
     """Return the ids of the rows that a query's only condition leaves out, if they are few.
 
-    To fetch those is less work than to fetch the others. Looking for a text is as much for any.
+    Fetching these is less work than fetching the others. A search for a text is not considered: it
+    costs the same for any number of rows.
     """
     if len(query.conditions) != 1 or query.conditions[0].operator == "~":
         return None
@@ -114,8 +115,8 @@ def _count(connection: sqlite3.Connection, clause: Clause) -> int:
 
 def ids_of(connection: sqlite3.Connection, clause: Clause) -> set[int]:
     """Return the ids of the rows for which a clause holds."""
-    # As one text they come three times as fast as in a row each. The plus keeps SQLite from going
-    # along the ids, through the rows.
+    # All ids in one JSON text are three times as fast as one result row for each id. The plus keeps
+    # SQLite from walking along the ids, which would read the rows.
     statement = f"SELECT json_group_array(+id) FROM episodes WHERE {clause.sql}"
     (text,) = connection.execute(statement, clause.values).fetchone()
     return set(json.loads(text))

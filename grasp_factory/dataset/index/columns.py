@@ -1,4 +1,4 @@
-"""The columns of the index: what each is, in words, and how the database holds it."""
+"""The columns of the index: their kinds, their units and their descriptions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from grasp_factory.core.schema import FIELDS, NOT_IN_AN_EPISODE, Field
 from grasp_factory.core.splits import SPLITS
 
 STATUSES = ("committed", "quarantined")
-"""Words of ``status``: rows that are missing are not in an index."""
+"""Values of ``status``; missing rows are not in an index."""
 OUTCOMES = tuple(names(Outcome))
 
 
@@ -24,11 +24,11 @@ class IndexColumn:
     units: str = ""
     description: str
     words: tuple[str, ...] = ()
-    """The only words that a word column can have; none where any can be."""
+    """The only values that a word column can have; empty if any value is possible."""
 
 
 _TEXTS = ("object_id", "object_set", "object_family", "split", "policy", "grasp_proposer")
-"""Text columns of a store whose values come again."""
+"""Text columns of a store whose values repeat."""
 _WORDS = {"outcome": OUTCOMES, "split": SPLITS}
 
 
@@ -41,7 +41,7 @@ def _kind(row: Field) -> str:
 
 
 def _stored() -> dict[str, Field]:
-    """Return the columns of a store with one value a row, by name, that the index takes over."""
+    """Return the columns of a store that the index copies, by name: one value per row each."""
     found = {row.path.removeprefix("episodes/"): row for row in FIELDS if not row.dims}
     beside = {path.removeprefix("episodes/") for path in NOT_IN_AN_EPISODE}
     return {
@@ -52,7 +52,7 @@ def _stored() -> dict[str, Field]:
 
 
 STORED: Mapping[str, Field] = _stored()
-"""Columns that are the store's own, as the schema has them."""
+"""Columns that are copied from the store, with their fields of the schema."""
 
 
 def _columns() -> tuple[IndexColumn, ...]:
@@ -101,7 +101,7 @@ def _columns() -> tuple[IndexColumn, ...]:
 COLUMNS: tuple[IndexColumn, ...] = _columns()
 BY_NAME: Mapping[str, IndexColumn] = {column.name: column for column in COLUMNS}
 OF_STORES = ("scenario", "task_type", "extracted_path", "sensor_setup")
-"""Columns that have one value for all rows of a store; the database keeps it once."""
+"""Columns that have one value for all rows of a store; the database stores it once."""
 OF_ROWS = tuple(column.name for column in COLUMNS if column.name not in OF_STORES)
 OF_PEOPLE = ("corrected_outcome", "tags", "note", "marks", "data_quality")
-"""Columns that follow the annotations."""
+"""Columns that depend on the annotations."""

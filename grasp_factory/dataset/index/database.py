@@ -25,7 +25,7 @@ ROW_BITS = 40
 """A row's id is its store's number, shifted left by this, plus the row's number."""
 _TYPES = {"number": "REAL", "whole": "INTEGER", "bool": "INTEGER"}
 _STEPS = 10_000
-"""Instructions of SQLite's virtual machine between two looks at the clock: at most 1 ms."""
+"""Instructions of SQLite's virtual machine between two checks of the time: at most 1 ms."""
 _HEADER = 100
 """Bytes of an SQLite file's header."""
 
@@ -40,7 +40,7 @@ def row_id(store: int, row: int) -> int:
 
 
 def place_of(key: int) -> tuple[int, int]:
-    """Return the store and the row that an id stands for."""
+    """Return the store and the row of an id."""
     return key >> ROW_BITS, key & ((1 << ROW_BITS) - 1)
 
 
@@ -89,7 +89,7 @@ def connect(file: Path, mode: str) -> sqlite3.Connection:
         connection.execute("PRAGMA trusted_schema = OFF")
         connection.execute(
             "PRAGMA cache_size = -65536"
-        )  # reads the file, and rolls back if allowed
+        )  # reads the file; rolls back an unfinished change if allowed
     except BaseException:
         connection.close()
         raise
@@ -169,7 +169,7 @@ def built_aside(file: Path) -> Iterator[sqlite3.Connection]:
             descriptor = open_locked(place, wait=True)
             stack.callback(os.close, descriptor)
             stack.callback(_remove_own, place, descriptor)
-            os.ftruncate(descriptor, 0)  # what a killed process left
+            os.ftruncate(descriptor, 0)  # remove what a killed process left
             connection = stack.enter_context(contextlib.closing(connect(place, "rw")))
             for pragma in ("journal_mode = OFF", "synchronous = OFF", "locking_mode = EXCLUSIVE"):
                 connection.execute(f"PRAGMA {pragma}")
@@ -208,7 +208,7 @@ def gone(file: Path) -> StoreError:
 
 
 def _remove_own(place: Path, descriptor: int) -> None:
-    """Remove a file that is locked, unless it has been renamed: another may have its name then."""
+    """Remove a locked file, unless it was renamed: then another file may have its name."""
     if has_name(descriptor, place):
         place.unlink()
 

@@ -1,4 +1,4 @@
-"""An index, opened: queries, histograms, neighbours, and bringing it up to date."""
+"""An open index: queries, histograms, neighbours, and updates from its stores."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ from grasp_factory.dataset.index.shown import shared_columns, shown_rows
 from grasp_factory.errors import UsageError, lookup
 
 NEAR = 10_000
-"""Rows from the first on that are looked up for themselves; beyond, the whole order is kept."""
+"""Largest offset of a page that is looked up alone; beyond it, the whole order is kept."""
 KEPT_ORDERS = 8
-"""Queries whose rows' ids, in order, are kept in memory: 8 bytes a row."""
+"""Maximum number of queries whose ordered row ids are kept in memory, 8 bytes per row."""
 
 
 class Index:
-    """An index file. Threads may share it: each has its own connection, which only reads.
+    """An open index. Threads may share it: each has its own connection, which only reads.
 
     Attributes:
-        path: the file.
-        patience_s: for how long an answer may be looked for.
+        path: the path of the index's file.
+        patience_s: the time limit of each read, in seconds.
     """
 
     def __init__(self, path: Path) -> None:
-        """Open an index; ``fresh`` also makes one and brings it up to date.
+        """Open an index; ``fresh`` also builds and updates it.
 
         Raises:
-            UsageError: if there is none, or another file.
+            UsageError: if the file cannot be read, or is not an index.
         """
         self.path, self.patience_s = path, float("inf")
         self._threads = threading.local()
@@ -72,12 +72,12 @@ class Index:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
+        """Close the index."""
         self.close()
 
     @property
     def stores(self) -> tuple[IndexedStore, ...]:
-        """The stores, by their number."""
+        """The stores, in the order of their numbers."""
         counts = (
             "SELECT count(*) FROM episodes WHERE id >= ? AND id < ?",
             'SELECT count(*) FROM episodes WHERE "status" = ? AND id >= ? AND id < ?',
@@ -96,7 +96,7 @@ class Index:
         return tuple(out)
 
     def refresh(self) -> int:
-        """Look for what has changed in the stores; return how many rows that changed.
+        """Update the index from stores that changed; return how many rows changed.
 
         Raises:
             StoreError: if a store is gone or damaged.
@@ -109,7 +109,7 @@ class Index:
                 return 0
             try:
                 with writing(self.path) as connection:
-                    # Another process may have done it while this one waited.
+                    # Another process may have updated the index while this one waited.
                     return sum(
                         updating.update_store(connection, number, path, self._log(path))
                         for number, path in updating.stale_stores(connection)
@@ -118,10 +118,10 @@ class Index:
                 with self._reading() as connection:
                     if any(updating.has_changed(connection, *store) for store in stale):
                         raise
-                return 0  # it only had not been certain that nothing had changed
+                return 0  # nothing changed, although it was uncertain before
 
     def annotated(self, store: int, said: Mapping[int, Annotation | None]) -> None:
-        """Take over what a log says of rows, which has just been written to it.
+        """Write annotations of rows to the index, after they were written to the log.
 
         Raises:
             UsageError: if the index cannot be written.
@@ -158,13 +158,13 @@ class Index:
             return [place_of(key) for key in self._ordered(connection, query)]
 
     def row(self, store: int, row: int) -> dict[str, Any] | None:
-        """Return one row; None if the index has none of these numbers."""
+        """Return one row of a store; None if the index does not have it."""
         with self._reading() as connection:
             found = shown_rows(connection, [row_id(store, row)], shared_columns(connection))
             return found[0] if found else None
 
     def neighbours(self, query: Query, store: int, row: int) -> Neighbours:
-        """Return where a row stands among those that a query finds, and what is beside it."""
+        """Return a row's position among those that a query finds, and the rows next to it."""
         with self._reading() as connection:
             keys = self._ordered(connection, query)
         try:
@@ -179,22 +179,22 @@ class Index:
         )
 
     def histogram(self, column: str, query: Query, bins: int = 30) -> WordBars | NumberBins:
-        """Return how a column's values are spread over the rows that a query finds.
+        """Return the distribution of a column's values over the rows that a query finds.
 
         Raises:
-            UnknownNameError: for a column that there is not.
-            UsageError: for one whose values cannot be counted.
+            UnknownNameError: for a column that does not exist.
+            UsageError: for a column whose values cannot be counted, or an invalid number of bins.
         """
         found = lookup(BY_NAME, "column", column)
         with self._reading() as connection:
             return histograms.histogram(connection, found, query, shared_columns(connection), bins)
 
     def words(self, column: str, limit: int = 200) -> list[str]:
-        """Return different values of a column of words or tags, sorted.
+        """Return the different values of a column of words or tags, sorted.
 
         Raises:
-            UnknownNameError: for a column that there is not.
-            UsageError: for one that has no words.
+            UnknownNameError: for a column that does not exist.
+            UsageError: for a column of another kind.
         """
         found = lookup(BY_NAME, "column", column)
         with self._reading() as connection:
@@ -222,7 +222,7 @@ class Index:
             return self._orders.get(key)
 
     def _key(self, connection: sqlite3.Connection, query: Query) -> tuple[Any, ...]:
-        """Return what tells a query's answer from others, and from those of an older index."""
+        """Return the key of a query's result in memory; it differs after a change of the index."""
         (generation,) = connection.execute("SELECT generation FROM facts").fetchone()
         return query, generation, self._threads.file
 
@@ -231,7 +231,7 @@ class Index:
 
     @contextlib.contextmanager
     def _reading(self) -> Iterator[sqlite3.Connection]:
-        """Give a connection that sees one state of the index throughout.
+        """Yield a connection that sees one unchanging state of the index.
 
         Raises:
             StoreError: if the index is gone or damaged.
@@ -248,7 +248,7 @@ class Index:
             raise damaged(self.path, error) from None
 
     def _connection(self) -> sqlite3.Connection:
-        """Return this thread's connection, a new one if another file has taken the place."""
+        """Return this thread's connection; a new one if the file was replaced."""
         try:
             found = self.path.stat()
         except OSError:

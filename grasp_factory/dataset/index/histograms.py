@@ -1,4 +1,4 @@
-"""How the values of a column are spread over the rows that a query finds."""
+"""The distribution of a column's values over the rows that a query finds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from grasp_factory.errors import UsageError
 MOST_BARS = 200
 MOST_BINS = 200
 LARGEST_BARS = 2**51
-"""Whole numbers up to this have a middle between them and the next."""
+"""Below this, a float can represent the middle between an integer and the next one."""
 _SUCCESS = Condition("success", "=", (True,))
 
 
@@ -32,7 +32,7 @@ class _Rows:
     """The rows that a query finds."""
 
     found: Set[int] | None
-    """Their ids; None for all there are."""
+    """The ids of the rows; None for all rows."""
     good: Set[int]
     """The ids of the successes among them."""
 
@@ -48,7 +48,7 @@ def histogram(
     facts: SharedColumns,
     bins: int,
 ) -> WordBars | NumberBins:
-    """Return how often each value of a column comes among the rows that a query finds.
+    """Return how often each value of a column occurs among the rows that a query finds.
 
     Raises:
         UsageError: for a column that cannot be counted, or a number of bins out of range.
@@ -73,7 +73,7 @@ def words(
     """Return the different values of a column, sorted.
 
     Raises:
-        UsageError: for a column that has no words.
+        UsageError: for a column that is not of words or tags.
     """
     if column.kind not in ("word", "tags"):
         raise UsageError(f"{column.name} is a {column.kind} column, valid: one of words or tags")
@@ -83,7 +83,7 @@ def words(
         statement = "SELECT DISTINCT tag FROM row_tags ORDER BY tag LIMIT ?"
         return [word for (word,) in connection.execute(statement, (limit,))]
     name = quoted(column.name)
-    statement = (  # steps from value to value, where DISTINCT would go over every row
+    statement = (  # steps from value to value; DISTINCT would visit every row
         f"WITH RECURSIVE w(v) AS (SELECT min({name}) FROM episodes UNION ALL"
         f" SELECT (SELECT min({name}) FROM episodes WHERE {name} > v) FROM w WHERE v IS NOT NULL)"
         " SELECT v FROM w WHERE v IS NOT NULL LIMIT ?"
@@ -94,7 +94,7 @@ def words(
 def _groups(
     connection: sqlite3.Connection, column: IndexColumn, facts: SharedColumns
 ) -> Iterator[tuple[str | None, set[int]]]:
-    """Give each value of a column of words, with the ids of its rows."""
+    """Yield each value of a column that is not numeric, with the ids of its rows."""
     if column.name in OF_STORES:
         by_text: dict[str | None, set[int]] = {}
         for store, ids in _grouped(connection, '"store"'):
@@ -115,7 +115,7 @@ def _groups(
 def _grouped(
     connection: sqlite3.Connection, key: str, table: str = "episodes", clause: Clause | None = None
 ) -> Iterator[tuple[Any, set[int]]]:
-    """Give each value of a key, with the ids of its rows, from the index of the key's column."""
+    """Yield each value of an SQL key, with the ids of its rows, from the index of its column."""
     clause = clause or Clause("1")
     for value, text in connection.execute(
         f"SELECT {key}, json_group_array(+id) FROM {table} WHERE {clause.sql} GROUP BY 1",
@@ -163,12 +163,12 @@ def _span(
 
 
 def _edges(kind: str, low: float, high: float, bins: int) -> list[float]:
-    """Return the edges of bins; whole numbers that are few have one each, about its middle."""
+    """Return the edges of bins; if there are few integers, each has a bin centred on it."""
     if kind == "whole" and high - low < bins and max(-low, high) < LARGEST_BARS:
         return [value - 0.5 for value in range(int(low), int(high) + 2)]
     top = float(high) if low < high else low + max(abs(low), 1.0) * 1e-6
     edges: list[float] = np.linspace(float(low), top, bins + 1 if low < high else 2).tolist()
-    if edges[0] > low:  # a whole number that is no float
+    if edges[0] > low:  # an integer that a float cannot represent
         edges[0] = math.nextafter(edges[0], -math.inf)
     if edges[-1] < high:
         edges[-1] = math.nextafter(edges[-1], math.inf)

@@ -1,4 +1,4 @@
-"""A store as the index reads it: which blocks are there, and what their rows are."""
+"""Reading a store for the index: which blocks exist, and the rows of each block."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 TASK = "grasp"
 MARKERS = schema.STATUS.path
 CHUNK = 64
-"""Blocks that are read at once."""
+"""Maximum number of blocks that are read together."""
 _LIGHT = re.compile(r'"light":(\{[^{}]*\})')
 _NONE: Mapping[str, tuple[Any, ...]] = {"quality": (0,), "seed": (-1,), "index": (-1,)}
-"""What stands for nothing in a whole column."""
+"""Integers that mean "no value", by column."""
 
 
 class IndexSource:
     """A store, opened to be indexed.
 
     Attributes:
-        path: where it is, absolute.
-        root: what changes when another store takes its place.
+        path: the absolute path of the store.
+        root: a text that changes when another store replaces this one.
     """
 
     def __init__(self, path: Path) -> None:
         """Open the store.
 
         Raises:
-            StoreMismatchError: if there is none.
+            StoreMismatchError: if there is no store.
             StoreError: if it is damaged.
         """
         self.path = path
@@ -60,7 +60,7 @@ class IndexSource:
 
     @property
     def facts(self) -> dict[str, str]:
-        """What is the same for all its rows, by column."""
+        """The values that all rows of the store share, by column."""
         return {
             "scenario": scenario(self._config),
             "task_type": TASK,
@@ -69,7 +69,7 @@ class IndexSource:
         }
 
     def blocks(self) -> dict[int, str]:
-        """Return the blocks that are there, by number, with what changes when one is made again.
+        """Return the blocks that exist, by number, each with a text that changes when it is remade.
 
         Raises:
             StoreError: if the directory of their markers cannot be read.
@@ -90,18 +90,18 @@ class IndexSource:
         return out
 
     def rows(self, blocks: Mapping[int, str]) -> Iterator[list[tuple[Any, ...]]]:
-        """Give the rows of some blocks, as values of ``OF_ROWS``; those of people are None.
+        """Yield the rows of some blocks, as values of ``OF_ROWS``, without annotations.
 
-        The store's number is None too. Rows that are missing are left out.
+        Values from annotations and the store's number are None. Missing rows are left out.
         """
         whole: Mapping[str, NDArray[Any]] = {}
-        if len(blocks) > CHUNK:  # of packed segments, many columns are read quickly
+        if len(blocks) > CHUNK:  # packed segments make whole columns quick to read
             whole = self._whole()
         for chunk in _runs(sorted(blocks)):
             yield self._chunk(chunk, {block: blocks[block] for block in chunk}, whole)
 
     def episodes(self, blocks: Mapping[int, str]) -> int:
-        """Return how many rows some blocks have, those that are missing among them."""
+        """Return how many rows some blocks have, including missing rows."""
         return sum(stop - start for start, stop in map(self._columns.rows, blocks))
 
     def span(self, block: int) -> tuple[int, int]:
@@ -111,7 +111,7 @@ class IndexSource:
     def _whole(self) -> Mapping[str, NDArray[Any]]:
         try:
             return self._columns.read("status", *self._fields)
-        except StoreError:  # what is damaged is found block by block
+        except StoreError:  # reading block by block finds what is damaged
             return {}
 
     def _chunk(
@@ -175,7 +175,7 @@ class IndexSource:
         return out
 
     def _megabytes(self, block: int) -> float:
-        """Return the bytes of a row's share of its block's files, in MB."""
+        """Return a row's share of the size of its block's files, in MB."""
         start, stop = self._columns.rows(block)
         total = 0
         for head, tail, by_episode in self._files:
@@ -187,17 +187,17 @@ class IndexSource:
         return round(total / (stop - start) / 1e6, 6)
 
     def _broken(self, start: int, stop: int, marker: str, why: str) -> list[tuple[Any, ...]]:
-        """Return rows of a block that cannot be read: they say so."""
+        """Return the rows of a block that cannot be read, with the reason as their error."""
         date = _date(marker)
         known = {"status": STATUSES[0], "created_at": date, "error": why}
         return [tuple((known | {"row": row}).get(n) for n in OF_ROWS) for row in range(start, stop)]
 
 
 def state_of(store: Path) -> str | None:
-    """Return what changes when anything of a store does that an index follows, but annotations.
+    """Return a text that changes when the indexed data of a store changes, except annotations.
 
-    None while that cannot be told: something was changed so lately that the clock of the file
-    system may give a further change the same time.
+    Return None if the store changed so recently that the file system may assign the same time to
+    another change.
 
     Raises:
         StoreError: if the store is gone.
@@ -218,7 +218,7 @@ SETTLED_S = 2.0
 
 
 def _runs(blocks: Sequence[int]) -> Iterator[list[int]]:
-    """Give blocks that follow one another, up to ``CHUNK`` of them."""
+    """Yield runs of consecutive blocks, up to ``CHUNK`` blocks each."""
     run: list[int] = []
     for block in blocks:
         if run and (block != run[-1] + 1 or len(run) == CHUNK):
@@ -230,7 +230,7 @@ def _runs(blocks: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _plain(field: schema.Field, values: NDArray[Any]) -> list[Any]:
-    """Return a column's values as Python's, None where there is nothing."""
+    """Return a column's values as Python values; None where a row has no value."""
     if field.names:
         words = dict(enumerate(field.names))
         return [words.get(code) for code in values.tolist()]
@@ -252,13 +252,13 @@ def _date(marker: str) -> str:
 
 
 def _lighting(spec: str) -> str | None:
-    """Return the word for the light of a recipe, None if it cannot be read."""
+    """Return the word for the light of a recipe; None if it cannot be read."""
     found = _LIGHT.search(spec)
     return lighting(found[1]) if found else None
 
 
 def _of_recipe(spec: str) -> dict[str, Any]:
-    """Return what a recipe tells of a row that has no episode."""
+    """Return the values, by column, that the recipe of a row contains."""
     try:
         plain = json.loads(spec)
         target = plain["objects"][0]

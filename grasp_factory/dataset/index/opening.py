@@ -1,4 +1,4 @@
-"""From paths on a command line to an index that is up to date."""
+"""Opening an up-to-date index, from the paths of a command line."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ def fresh(
     on_start: Callable[[int], None] = lambda rows: None,
     on_row: Callable[[int], None] = lambda row: None,
 ) -> Index:
-    """Open the index of some stores, up to date; it is made if there is none.
+    """Open the index of some stores and update it; it is built if there is none.
 
     Args:
         paths: Stores, or one index file.
-        index: Where the index is, or is to be. None for the place beside the store; of several
-            stores the cache.
-        on_start: Called with the number of rows if the index is made; see ``build``.
-        on_row: Called after each row of it.
+        index: The path of the index. None for the default: next to the store, or in the cache for
+            several stores.
+        on_start: Called with the number of rows if the index is built; see ``build``.
+        on_row: Called after each of these rows.
 
     Raises:
-        StoreMismatchError: if a path is neither store nor index.
+        StoreMismatchError: if a path is neither a store nor an index.
         StoreError: if a store is gone or damaged.
-        UsageError: if the index cannot be written, or another file or an index of other stores
-            is in its place.
+        UsageError: if the index cannot be written, or if its path is another file or the
+            index of other stores.
     """
     stores = places(paths)
     if len(stores) == 1 and stores[0].is_file():
@@ -48,7 +48,7 @@ def fresh(
                 opened.refresh()
                 return opened
         except DamagedIndexError:
-            there = set(stores)  # it was to be theirs: it follows from them, and is made anew
+            there = set(stores)  # an index is derived from its stores: build it again
         except BaseException:
             opened.close()
             raise

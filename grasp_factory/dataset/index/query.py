@@ -1,4 +1,4 @@
-"""What people ask an index: conditions on columns, and an order."""
+"""Queries of an index: conditions on columns, and an order."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ SYNTAX = (
 )
 MAX_CONDITIONS = 50
 MAX_VALUES = 500
-"""Of a list."""
+"""Maximum number of values in a list."""
 MAX_ALL_VALUES = 5000
-"""Of all conditions together."""
+"""Maximum number of values in all conditions together."""
 LONGEST = 4_000
-"""Characters of a value: the longest note, and less than SQLite's LIKE takes."""
+"""Maximum number of characters of a value: as of a note, and within the limit of LIKE."""
 _EQUAL, _ORDER = ("=", "!="), ("<", "<=", ">", ">=")
 OPERATORS: Mapping[str, tuple[str, ...]] = {
     "word": (*_EQUAL, "~"),
@@ -35,7 +35,7 @@ OPERATORS: Mapping[str, tuple[str, ...]] = {
     "time": (*_EQUAL, *_ORDER),
     "tags": (*_EQUAL, "~"),
 }
-"""By a column's kind."""
+"""The operators that a column takes, by its kind."""
 _CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(!=|<=|>=|=|<|>|~)(.*)", re.DOTALL)
 _TIME = re.compile(r"\d{4}(-\d\d(-\d\d([T ]\d\d(:\d\d(:\d\d(Z|\+00:00)?)?)?)?)?)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -43,23 +43,26 @@ _WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
 _BOOLS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
 Value = str | float | bool | None
-"""None is null: the row has no such value."""
+"""None is null: the row has no value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A column, compared. ``!=`` is the opposite of ``=``, so rows without a value fulfil it."""
+    """A comparison of a column with values.
+
+    ``!=`` is the opposite of ``=``, so rows without a value fulfil it.
+    """
 
     column: str
     operator: str
     values: tuple[Value, ...]
-    """One, or several that ``=`` and ``!=`` take any of."""
+    """One value; or several, of which a row's value must be any (``=``) or none (``!=``)."""
 
     def __post_init__(self) -> None:
         """Check the column, the operator and the values.
 
         Raises:
-            UnknownNameError: for a column that there is not, or a word that its column cannot have.
+            UnknownNameError: for an unknown column, or a word that its column cannot have.
             UsageError: for an operator or a value that the column's kind does not take.
         """
         column = lookup(BY_NAME, "column", self.column)
@@ -79,10 +82,10 @@ class Condition:
 
     @classmethod
     def parse(cls, text: str) -> Condition:
-        """Return what a text such as ``lift_height>=0.1`` says.
+        """Return the condition that a text such as ``lift_height>=0.1`` describes.
 
         Raises:
-            UsageError: if it cannot be understood; it says what is valid.
+            UsageError: if the text is invalid; the message says what is valid.
         """
         found = _CONDITION.fullmatch(text)
         if not found:
@@ -95,7 +98,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Sort:
-    """An order; rows without a value come last, whichever way."""
+    """An order by one column; rows without a value come last in both directions."""
 
     column: str
     descending: bool = False
@@ -104,14 +107,14 @@ class Sort:
         """Check the column.
 
         Raises:
-            UnknownNameError: for one that there is not.
+            UnknownNameError: for an unknown column.
         """
         lookup(BY_NAME, "column", self.column)
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """Which rows of an index, and in what order: without one, by store and row."""
+    """Which rows of an index to find, and in which order; the default is by store and row."""
 
     conditions: tuple[Condition, ...] = ()
     """All of them must hold."""
@@ -121,7 +124,7 @@ class Query:
         """Check how many conditions and values there are.
 
         Raises:
-            UsageError: if they are too many.
+            UsageError: if there are too many.
         """
         if len(self.conditions) > MAX_CONDITIONS:
             raise UsageError(
@@ -133,14 +136,14 @@ class Query:
 
     @classmethod
     def parse(cls, where: Sequence[str], sort: str = "") -> Query:
-        """Return what texts say: conditions, ``policy=uniform``, and an order, ``-lift_height``.
+        """Return a query from texts: conditions, ``policy=uniform``; an order, ``-lift_height``.
 
         Args:
             where: Conditions, all of which must hold.
-            sort: Columns with commas between; a minus before one turns its order round.
+            sort: Columns, separated by commas; a minus before a column means descending order.
 
         Raises:
-            UsageError: if anything cannot be understood; it says what is valid.
+            UsageError: if any text is invalid; the message says what is valid.
         """
         words = [word.strip() for word in sort.split(",")] if sort.strip() else []
         orders = tuple(Sort(word.removeprefix("-"), word.startswith("-")) for word in words)
@@ -150,7 +153,7 @@ class Query:
 
 
 def _items(text: str) -> list[str | None]:
-    """Return the texts of a value: itself, the items of a [list], None for null."""
+    """Return the texts of a value: the text itself or the items of a [list]; None for null."""
     if not text.startswith("["):
         return [None if text == "null" else text]
     if not text.endswith("]") or not text[1:-1].strip():
@@ -169,7 +172,7 @@ def _items(text: str) -> list[str | None]:
 
 
 def _read(column: IndexColumn, operator: str, text: str | None) -> Value:
-    """Return the value that a text stands for in a column, as far as it can be read."""
+    """Return a text as a value of a column; the text itself if it cannot be converted."""
     if text is None:
         return None
     if column.kind == "bool":
@@ -223,7 +226,7 @@ def _time(column: IndexColumn, operator: str, value: Value) -> Value:
 
 
 def _is_on_calendar(text: str) -> bool:
-    """Say whether a time, or the beginning of one, is of a day and an hour that there are."""
+    """Return whether a time, or the beginning of one, has a date and an hour that exist."""
     begun = text.removesuffix("Z").removesuffix("+00:00")
     try:
         datetime.fromisoformat(begun + "0001-01-01T00:00:00"[len(begun) :])
@@ -245,7 +248,7 @@ _CHECKS: Mapping[str, Callable[[IndexColumn, str, Value], Value]] = {
 
 
 def _is_text(value: str) -> bool:
-    """Say whether a text can be stored: one from a command line may hold what is no character."""
+    """Return whether a text can be stored; one of a command line may have invalid characters."""
     try:
         value.encode()
     except UnicodeEncodeError:

@@ -1,4 +1,4 @@
-"""What an index answers."""
+"""The results of queries of an index."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IndexedStore:
-    """A store of an index, with the rows that it had when the index last looked."""
+    """A store of an index, with its numbers of rows when the index was last updated."""
 
     id: int
     """Its number in the index, from 0."""
     path: Path
     name: str
     rows: int
-    """Committed and quarantined."""
+    """Number of committed and quarantined rows."""
     committed: int
 
 
@@ -25,17 +25,17 @@ class Page:
     """Some of the rows that a query finds."""
 
     total: int
-    """How many it finds."""
+    """Number of rows that the query finds."""
     rows: list[dict[str, Any]]
-    """By column; ``tags`` is a list, ``sensor_setup`` a mapping."""
+    """Values by column, for each row; ``tags`` is a list, ``sensor_setup`` a mapping."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Neighbours:
-    """A row's place among those that a query finds."""
+    """A row's position among the rows that a query finds."""
 
     position: int | None
-    """From 0; None if it is not among them."""
+    """From 0; None if the row is not among them."""
     total: int
     previous: tuple[int, int] | None
     """Store and row."""
@@ -44,7 +44,7 @@ class Neighbours:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WordBars:
-    """How often each value of a column comes."""
+    """How often each value of a column occurs."""
 
     column: str
     bars: list[tuple[str | None, int, int]]
@@ -53,12 +53,12 @@ class WordBars:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberBins:
-    """How often a column's values lie between edges; the last bin has its upper edge too."""
+    """How many of a column's values are in each bin; the last bin includes its upper edge."""
 
     column: str
     units: str
     edges: list[float]
-    """One more than bins; none without values."""
+    """One more than the number of bins; empty if there are no values."""
     counts: list[int]
     successes: list[int]
     missing: int

@@ -1,4 +1,4 @@
-"""Rows of an index as Python values, with the columns that stores share."""
+"""Rows of an index as Python values, including the columns that a store's rows share."""
 
 from __future__ import annotations
 

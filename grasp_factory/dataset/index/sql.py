@@ -1,4 +1,4 @@
-"""From a query to SQL: names come from the table of columns, values are always parameters."""
+"""Converting a query to SQL: names are those of known columns, values are always parameters."""
 
 from __future__ import annotations
 
@@ -11,23 +11,25 @@ from grasp_factory.dataset.index.database import quoted
 from grasp_factory.dataset.index.query import Condition, Query, Sort, Value
 
 AFTER = "~"
-"""Follows every character of a time: what begins with one lies between it and it with this."""
+"""Sorts after every character of a time.
+
+A text that begins with t is not less than t, and less than t followed by this."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """A part of a statement, with its parameters in their order."""
+    """A part of an SQL statement, with its parameters in their order."""
 
     sql: str
     values: tuple[Any, ...] = ()
 
 
 SharedColumns = Mapping[int, Mapping[str, str]]
-"""By store's number: the columns that all its rows share."""
+"""The columns that all rows of a store share, by the store's number."""
 
 
 def order(query: Query, facts: SharedColumns) -> Clause:
-    """Return a query's order; rows that are alike go by store and row, in the last one's way."""
+    """Return a query's order; equal rows are in order of store and row, in the last direction."""
     terms: list[str] = []
     values: list[Any] = []
     way = ""
@@ -41,7 +43,7 @@ def order(query: Query, facts: SharedColumns) -> Clause:
 
 
 def _key(sort: Sort, facts: SharedColumns) -> Clause | None:
-    """Return what rows are ordered by; None where it is the same for all."""
+    """Return the expression to order rows by; None if its value is the same for all rows."""
     if sort.column not in OF_STORES:
         return Clause(quoted(sort.column))
     texts = {number: columns[sort.column] for number, columns in facts.items()}
@@ -54,7 +56,7 @@ def _key(sort: Sort, facts: SharedColumns) -> Clause | None:
 
 
 def condition_clause(condition: Condition, facts: SharedColumns) -> Clause:
-    """Return what a condition says; ``1`` where it holds for all rows, ``0`` where for none."""
+    """Return the clause of a condition; ``1`` if it holds for all rows, ``0`` if for none."""
     column = BY_NAME[condition.column]
     if condition.column in OF_STORES:
         return _of_stores(condition, facts)
@@ -68,7 +70,7 @@ def condition_clause(condition: Condition, facts: SharedColumns) -> Clause:
 
 
 def _any_of(condition: Condition, kind: str) -> Clause:
-    """Return the clause of = and !=, the opposites of each other."""
+    """Return the clause of ``=``, or of its opposite ``!=``."""
     name, wanted = quoted(condition.column), [v for v in condition.values if v is not None]
     has_null, equal = None in condition.values, condition.operator == "="
     if kind == "time":
@@ -88,13 +90,14 @@ def _any_of(condition: Condition, kind: str) -> Clause:
 
 def _ordered(condition: Condition, kind: str) -> Clause:
     name, operator, value = quoted(condition.column), condition.operator, condition.values[0]
-    if kind == "time" and operator in ("<=", ">"):  # a time stands for all that begin with it
+    if kind == "time" and operator in ("<=", ">"):  # a time means all times that begin with it
         operator, value = {"<=": "<", ">": ">="}[operator], f"{value}{AFTER}"
     return Clause(f"{name} {operator} ?", (value,))
 
 
 def _contains(name: str, text: str) -> Clause:
-    # LIKE ignores the case of ASCII's letters; texts with others have themselves, folded, beside.
+    # LIKE ignores the case of ASCII letters only; the table ``folded`` has the case-folded form of
+    # other texts.
     folded = text.casefold()
     escaped = "".join(f"!{c}" if c in "!%_" else c for c in folded)
     strange = "SELECT text FROM folded WHERE instr(folded, ?)"
@@ -118,7 +121,7 @@ def _places(values: Sequence[Value]) -> str:
 
 
 def _of_stores(condition: Condition, facts: SharedColumns) -> Clause:
-    """Return the clause of a column that all rows of a store share: it is decided here."""
+    """Return the clause of a column that all rows of a store share, as a choice of stores."""
     chosen = [n for n, columns in facts.items() if _holds(condition, columns[condition.column])]
     if len(chosen) == len(facts):
         return Clause("1")

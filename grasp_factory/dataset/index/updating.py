@@ -1,4 +1,4 @@
-"""Bringing an index up to date with its stores: only blocks that changed are read."""
+"""Updating an index from its stores; only blocks that changed are read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from grasp_factory.dataset.index.indexed_store import IndexSource, state_of
 
 
 def stale_stores(connection: sqlite3.Connection) -> list[tuple[int, Path]]:
-    """Return number and path of each store that has changed since the index looked, or may have.
+    """Return number and path of each store that has changed since the last update, or may have.
 
     Raises:
         StoreError: if one is gone.
@@ -29,7 +29,7 @@ def stale_stores(connection: sqlite3.Connection) -> list[tuple[int, Path]]:
 
 
 def has_changed(connection: sqlite3.Connection, number: int, path: Path) -> bool:
-    """Say whether a store has other blocks or annotations than the index knows.
+    """Return whether the blocks or annotations of a store differ from those of the index.
 
     Raises:
         StoreError: if it is gone or damaged.
@@ -46,12 +46,12 @@ def has_changed(connection: sqlite3.Connection, number: int, path: Path) -> bool
 def update_store(
     connection: sqlite3.Connection, number: int, path: Path, log: AnnotationLog
 ) -> int:
-    """Bring the rows of a store up to date; return how many changed.
+    """Update the rows of a store; return how many changed.
 
     Raises:
         StoreError: if it is gone or damaged.
     """
-    state = state_of(path)  # first: a change that comes meanwhile is found the next time
+    state = state_of(path)  # read first: a later change is found the next time
     changed: set[int] = set()
     (before,) = connection.execute("SELECT state FROM stores WHERE id = ?", (number,)).fetchone()
     if state is None or state != before:
@@ -63,10 +63,10 @@ def update_store(
 
 
 def _update_blocks(connection: sqlite3.Connection, number: int, source: IndexSource) -> set[int]:
-    """Read the blocks that changed; return the ids of rows that are new, other ones or gone."""
+    """Read the blocks that changed; return the ids of added, changed and removed rows."""
     now, changed = source.blocks(), set[int]()
     (root,) = connection.execute("SELECT root FROM stores WHERE id = ?", (number,)).fetchone()
-    if root != source.root:  # another store has taken the place
+    if root != source.root:  # another store has replaced it
         changed.update(remove_rows(connection, row_id(number, 0), row_id(number + 1, 0)))
         connection.execute("DELETE FROM blocks WHERE store = ?", (number,))
     known = _known_blocks(connection, number)

@@ -1,4 +1,4 @@
-"""Words for what a store or a recipe holds in numbers."""
+"""Words that describe the numbers of a store's configuration or of a recipe."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.schema import MAX_CONTACTS
 
 DIM, BRIGHT = 0.9, 1.3
-"""Ambient and diffuse light together, below and from which it is dim and bright; the default, of
-0.6 and 0.5, is normal."""
+"""Bounds of the sum of ambient and diffuse light: dim is below the first, bright is from the second
+on. The default, 0.6 + 0.5, is normal."""
 LOW_DEG, HIGH_DEG = 35.0, 65.0
-"""Heights of the light above the horizon, below and from which it comes from the side and from
-overhead; the default, 54 degrees, is slanted."""
+"""Bounds of the light's angle above the horizon, in degrees: side is below the first, overhead is
+from the second on. The default, 54 degrees, is slanted."""
 
 
 def scenario(config: FactoryConfig) -> str:
@@ -29,7 +29,7 @@ def lighting(light: str) -> str | None:
     """Return how bright a recipe's light is and from where it comes, such as ``normal/slanted``.
 
     Args:
-        light: Its JSON; None comes of one that cannot be read.
+        light: The light as JSON; the result is None if it cannot be read.
     """
     try:
         plain = json.loads(light)
