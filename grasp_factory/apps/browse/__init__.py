@@ -6,9 +6,9 @@ from grasp_factory.core.optional import require
 
 
 def require_server() -> None:
-    """Check that the libraries that serve pages are there.
+    """Check that the libraries that serve pages are installed.
 
     Raises:
-        UsageError: naming those that are not, and how to install them.
+        UsageError: if some are missing; the message says which, and how to install them.
     """
     require("flask", "waitress", extra="browse")

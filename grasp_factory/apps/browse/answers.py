@@ -1,4 +1,4 @@
-"""Answers: JSON, bytes that a browser may keep, and errors as JSON."""
+"""Answers: JSON, bytes that a browser may cache, and errors as JSON."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def json_answer(value: Any, code: int = 200) -> Response:
 
 
 def kept(checksum: str, kind: str, make: Callable[[], bytes]) -> Response:
-    """Return bytes that follow from an episode alone, which are not made if the browser has them.
+    """Return bytes that depend only on an episode; they are not made if the browser has them.
 
-    A page that puts the episode's checksum into the address, as ``?v=``, need not ask again for
-    a year; without it the browser asks each time, and is told that nothing has changed.
+    If the address contains the episode's checksum as ``?v=``, the browser caches the answer for a
+    year. Otherwise it asks each time, and gets status 304 if nothing has changed.
 
     Args:
-        checksum: The episode's.
+        checksum: The episode's checksum.
         kind: Content type.
         make: Makes the bytes.
     """

@@ -26,11 +26,11 @@ def create_app(
     """Return the application.
 
     Args:
-        index: Of the stores to show.
-        token: What a request must have to change anything; empty for a page that only reads.
-        hosts: The names and addresses, without port, that it may be asked for.
-        live: A run that makes episodes meanwhile.
-        thumbnails: Where small pictures are kept; None for the cache.
+        index: The index of the stores to show.
+        token: The token that a request needs to change anything; empty for a read-only page.
+        hosts: The names and addresses, without port, that a Host header may have.
+        live: A run that is making episodes; None if there is no such run.
+        thumbnails: Where small pictures are stored; None for the cache folder.
     """
     index.patience_s = crowd.ANSWER_S
     site = Site(
@@ -42,7 +42,7 @@ def create_app(
     )
     app = Flask("grasp_factory.apps.browse", static_folder=None)
     app.config["PROVIDE_AUTOMATIC_OPTIONS"] = False
-    app.url_map.merge_slashes = False  # an address that is not quite right is refused, not mended
+    app.url_map.merge_slashes = False  # an address with double slashes is refused
     app.url_map.converters["n"] = Number
     install(app, site.guard)
     crowd.install(app)

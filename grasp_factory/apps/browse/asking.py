@@ -11,7 +11,7 @@ from grasp_factory.dataset.index import Query
 from grasp_factory.errors import UsageError, shown
 
 MOST_CONDITIONS = 20
-"""Each is looked up for itself, and many people may ask at once."""
+"""Maximum per query: each one costs a search of its own, and many users may ask at once."""
 _DIGITS = "[0-9]{1,9}"
 
 
@@ -21,7 +21,7 @@ class Number(BaseConverter):
     regex = _DIGITS
 
     def to_python(self, value: str) -> int:
-        """Return it as one."""
+        """Return the number."""
         return int(value)
 
 
@@ -29,7 +29,7 @@ def whole(name: str, default: int, most: int) -> int:
     """Return a whole number of the request, no more than ``most``.
 
     Raises:
-        UsageError: if it is none.
+        UsageError: if the value is not such a number.
     """
     text = request.args.get(name, str(default))
     if not re.fullmatch(_DIGITS, text) or int(text) > most:
@@ -38,10 +38,10 @@ def whole(name: str, default: int, most: int) -> int:
 
 
 def asked_query() -> Query:
-    """Return the query that the request's ``where`` and ``sort`` make.
+    """Return the query in the request's parameters ``where`` and ``sort``.
 
     Raises:
-        UsageError: if they make none.
+        UsageError: if they are invalid.
     """
     where = request.args.getlist("where")
     if len(where) > MOST_CONDITIONS:

@@ -1,4 +1,4 @@
-"""The address that people's tags and notes go to: the only one that changes anything."""
+"""The address that receives users' tags and notes: the only one that changes anything."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from grasp_factory.core.serialization import is_integer, to_plain
 from grasp_factory.errors import GraspFactoryError, UsageError, shown
 
 MOST_CHANGES = 20_000
-"""Of all episodes of one request together."""
+"""Maximum changes per request, summed over its episodes."""
 _VALID = '{"episodes": [[store, row], ...], "who": name, "changes": [[kind, value], ...]}'
 
 
@@ -30,7 +30,7 @@ def routes(site: Site) -> Blueprint:
         told = []
         for store, rows in rows_of.items():
             written = logs[store].append(who, rows, changes)
-            with contextlib.suppress(GraspFactoryError):  # it stands, whatever the index is
+            with contextlib.suppress(GraspFactoryError):  # the log has the change in any case
                 site.index.annotated(store, written)
             told += [
                 {"store": store, "row": row, "annotation": to_plain(annotation)}
@@ -42,10 +42,10 @@ def routes(site: Site) -> Blueprint:
 
 
 def _asked(body: bytes) -> tuple[dict[int, list[int]], str, list[tuple[str, Any]]]:
-    """Return rows by store, who, and the changes that a request's body names.
+    """Return the rows by store, the author and the changes in a request's body.
 
     Raises:
-        UsageError: if it is of another form.
+        UsageError: if the body has another form.
     """
     try:
         asked = json.loads(body)

@@ -1,4 +1,4 @@
-"""That many questions at once leave room for files and pictures."""
+"""A limit on concurrent index queries, so that files and pictures are still served quickly."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import threading
 from flask import Flask, abort, g, request
 
 ASKING = 9
-"""Threads that may look things up at once; the server has a few more for what is quick."""
+"""Threads that may query the index at once; the server has a few more for quick requests."""
 WAIT_S = 1.0
-"""How long a request waits for one of them."""
+"""Seconds that a request waits for one of these threads."""
 ANSWER_S = 5.0
-"""How long the index may look for an answer."""
+"""Maximum seconds of one index query."""
 _OF_INDEX = (
     *("/api/library", "/api/episode", "/api/ids", "/api/histogram", "/api/neighbours"),
     "/api/annotations",
@@ -19,7 +19,7 @@ _OF_INDEX = (
 
 
 def install(app: Flask) -> None:
-    """Make an app answer only so many requests of the index, or to it, at once."""
+    """Make an app answer at most ``ASKING`` requests at once that read or write the index."""
     places = threading.BoundedSemaphore(ASKING)
 
     @app.before_request

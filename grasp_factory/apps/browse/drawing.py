@@ -20,7 +20,7 @@ KINDS = ("rgb", "depth", "segmentation", "overlay")
 THUMB_WIDTH = 200
 """Pixels."""
 _TINT = 0.45
-"""Of a label's colour in the overlay."""
+"""Share of a label's colour in the overlay, 0 to 1."""
 _QUICK = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 _THUMB, _VIDEO = (cv2.IMWRITE_JPEG_QUALITY, 80), (cv2.IMWRITE_JPEG_QUALITY, 90)
 

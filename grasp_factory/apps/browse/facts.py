@@ -1,4 +1,4 @@
-"""All that the page tells of one episode, apart from its images and series."""
+"""All data of one episode that the page shows, except its images and series."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
 
 _ELSEWHERE = ("spec", "array_crc32c", "status", "error")
-"""Columns that are told in another form, or say nothing to a person."""
+"""Columns that are shown in another form, or that mean nothing to a user."""
 
 
 def episode(opened: OpenStore, row: int, indexed: Mapping[str, Any]) -> dict[str, Any]:
@@ -53,7 +53,7 @@ def episode(opened: OpenStore, row: int, indexed: Mapping[str, Any]) -> dict[str
 
 
 def _spec_of_quarantined(opened: OpenStore, row: int) -> Any:
-    """Return a recipe, None if it is damaged: that may be why the row is quarantined."""
+    """Return a row's recipe; None if it is damaged, which may be why the row is quarantined."""
     try:
         return to_plain(opened.dataset.spec(row))
     except GraspFactoryError:

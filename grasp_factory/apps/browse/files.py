@@ -14,7 +14,7 @@ TYPES = {
     ".png": "image/png",
     ".svg": "image/svg+xml",
 }
-"""What is served, and as what: what the machine thinks of a suffix must not matter."""
+"""Content type by suffix of the files that are served; the machine's MIME table is not used."""
 
 
 def routes() -> Blueprint:

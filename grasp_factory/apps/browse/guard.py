@@ -1,4 +1,4 @@
-"""Who may ask for what: hosts, origins, the token; and the headers that every answer has."""
+"""Access checks of hosts, origins and the token, and the headers that every answer has."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from flask import Flask, Request, Response, abort, request
 
 MOST_BODY = 64 * 1024
-"""Bytes of a request's body."""
+"""Maximum bytes of a request's body."""
 ANY_ADDRESS = {"0.0.0.0", "::"}
-"""Bound to these, the server is reached under every address that the machine has."""
+"""A server that is bound to one of these is reachable under every address of the machine."""
 HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:;"
@@ -27,17 +27,17 @@ HEADERS = {
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """Refuses what another site's page could make a browser ask for.
+    """Refuses requests that another site's page could make a browser send.
 
-    A page under a foreign name that resolves to this machine (DNS rebinding) is told by its Host
-    header; one of another origin by Origin and Sec-Fetch-Site. What changes something needs the
-    token besides, which only the person who started the server has.
+    The Host header reveals a page under a foreign name that resolves to this machine (DNS
+    rebinding). Origin and Sec-Fetch-Site reveal a page of another origin. A request that changes
+    something also needs the token, which only the person who started the server has.
     """
 
     hosts: frozenset[str]
-    """Names and addresses that requests may be for, lower case, without port."""
+    """Names and addresses that a Host header may have, lower case, without port."""
     token: str
-    """That writing needs; without one nothing can be written."""
+    """The token that writing needs; if it is empty, nothing can be written."""
 
     @classmethod
     def of(cls, hosts: Collection[str], token: str) -> Guard:
@@ -45,7 +45,7 @@ class Guard:
         return cls(frozenset(host.lower() for host in hosts), token)
 
     def check(self, asked: Request) -> None:
-        """Let a request pass, or abort with 403."""
+        """Accept a request, or abort with 403."""
         host = asked.environ.get("HTTP_HOST", "").lower()
         if not self._is_ours(host):
             abort(403, "this server does not answer under that Host: use the address it printed")
@@ -57,7 +57,7 @@ class Guard:
             abort(403, "requests of another site are refused")
 
     def check_writing(self, asked: Request) -> None:
-        """Let a request that changes something pass, or abort with 403 or 415."""
+        """Accept a request that changes something, or abort with 403 or 415."""
         if not self.token:
             abort(403, "nothing can be changed here: the server was started with --read-only")
         given = asked.headers.get("X-Token", "")
@@ -74,7 +74,7 @@ class Guard:
 
 
 def install(app: Flask, guard: Guard) -> None:
-    """Make an app check every request first, and put the headers on every answer."""
+    """Make an app check every request first, and add the headers to every answer."""
     app.config["MAX_CONTENT_LENGTH"] = MOST_BODY
 
     @app.before_request
@@ -89,7 +89,7 @@ def install(app: Flask, guard: Guard) -> None:
 
 
 def _without_port(host: str) -> str:
-    """Return the name in a Host header; an address of version 6 without its brackets."""
+    """Return the host in a Host header without its port; an IPv6 address without its brackets."""
     name, colon, port = host.rpartition(":")
     if not colon or host.endswith("]"):
         name, port = host, "0"
@@ -109,6 +109,6 @@ def _is_address(name: str) -> bool:
 
 
 def _opens_the_page(asked: Request) -> bool:
-    """Say whether somebody followed a link to the page, which does nothing by itself."""
+    """Return whether a request only opens the page, by a link; this changes nothing."""
     mode, target = asked.headers.get("Sec-Fetch-Mode"), asked.headers.get("Sec-Fetch-Dest")
     return (asked.method, asked.path, mode, target) == ("GET", "/", "navigate", "document")

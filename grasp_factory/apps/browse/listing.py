@@ -1,4 +1,4 @@
-"""The addresses of the grid: what there is, and which episodes answer a query."""
+"""The addresses of the grid: the stores, and the episodes that match a query."""
 
 from __future__ import annotations
 
@@ -77,7 +77,10 @@ def _library(site: Site, trouble: str) -> dict[str, Any]:
 
 
 def _store(site: Site, store: IndexedStore) -> dict[str, Any]:
-    """Return what a store is; one that cannot be read does not keep the others from being seen."""
+    """Return the facts of a store.
+
+    If it cannot be read, the facts include the error, and the page still shows the other stores.
+    """
     told = {"id": store.id, "name": store.name, "path": str(store.path)}
     told |= {"committed": store.committed, "episodes": store.rows, "error": ""}
     try:

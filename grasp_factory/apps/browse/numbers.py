@@ -1,4 +1,4 @@
-"""Numbers as JSON has them: short, and null for what is none."""
+"""Numbers for JSON: rounded, and null for NaN and infinity."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 DIGITS = 6
-"""Significant ones that a curve or a pose keeps: float32 has seven."""
+"""Significant digits of curves and poses: float32 has seven."""
 
 
 def rounded(values: ArrayLike) -> list[Any]:
-    """Return an array as nested lists of numbers of six significant digits, None for NaN."""
+    """Return an array as nested lists of numbers with six significant digits, None for NaN."""
     array = np.asarray(values, np.float64)
     out = array.copy()
     counts = np.isfinite(array) & (array != 0.0)
     whole = array[counts]
-    # The bound keeps the scale finite: what is smaller becomes 0.
+    # The bound keeps the scale finite: smaller values become 0.
     scale = 10.0 ** np.minimum(DIGITS - 1 - np.floor(np.log10(np.abs(whole))), 300.0)
     out[counts] = np.rint(whole * scale) / scale
     finite = np.isfinite(out)
@@ -32,7 +32,7 @@ def rounded(values: ArrayLike) -> list[Any]:
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON holds: numpy's values as Python's, None for a number that is none."""
+    """Return a value for JSON: numpy's values as Python's, None for NaN and infinity."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float):

@@ -1,4 +1,4 @@
-"""Point clouds as bytes, few enough points for a browser to turn smoothly."""
+"""Point clouds as bytes, with few enough points for smooth rotation in a browser."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from grasp_factory.signals.point_cloud import PointCloud
 
 MOST_POINTS = 60_000
 NEAR_TABLE = 1.0
-"""Metres that the floor is shown around what stands on it; a floor to the horizon hides that."""
+"""Metres of floor that are shown around the other points; an endless floor would hide them."""
 
 
 def cloud_bytes(cloud: PointCloud) -> bytes:
     """Return a cloud as uint32 n, float32 xyz (n, 3), uint8 rgb (n, 3), uint8 label (n).
 
-    Of more than ``MOST_POINTS`` some are taken at even steps.
+    If there are more than ``MOST_POINTS``, an evenly spaced subset is returned.
     """
     shown = np.flatnonzero(_is_shown(cloud))
     if len(shown) > MOST_POINTS:
@@ -32,7 +32,7 @@ def cloud_bytes(cloud: PointCloud) -> bytes:
 
 
 def _is_shown(cloud: PointCloud) -> NDArray[np.bool_]:
-    """Say of each point whether it is on something other than the floor, or near that."""
+    """Return whether each point is not on the floor, or is on the floor near such points."""
     is_floor: NDArray[np.bool_] = cloud.labels == Label.FLOOR
     if is_floor.all():
         return is_floor

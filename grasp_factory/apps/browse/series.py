@@ -30,7 +30,7 @@ _TACTILE = ("tactile_position", "tactile_force", "tactile_normal")
 
 
 def episode_series(opened: OpenStore, row: int) -> dict[str, Any]:
-    """Return the series of a committed episode as plain values, every record of them.
+    """Return all records of a committed episode's series as plain values.
 
     Raises:
         StoreError: if they are damaged.
@@ -60,7 +60,7 @@ def tactile(opened: OpenStore, row: int) -> bytes:
     """Return the normal force on each taxel over time, float32 (T, 2, rows, columns) newtons.
 
     Raises:
-        StoreError: if it is damaged, or the store does not tell how large the pads are.
+        StoreError: if it is damaged, or the store does not contain the size of the pads.
     """
     taxels = _taxels(opened, opened.dataset.series(row, *_TACTILE))
     if taxels is None:
@@ -69,7 +69,7 @@ def tactile(opened: OpenStore, row: int) -> bytes:
 
 
 def pad_size(opened: OpenStore) -> tuple[float, float] | None:
-    """Return width and height of the robot's pads, metres; None if the store does not tell."""
+    """Return width and height of the robot's pads, metres; None if the store lacks them."""
     dataset = opened.dataset
     try:
         width, height = map(float, dataset.attributes["robot"]["pad_size"])
@@ -92,14 +92,14 @@ def _taxels(opened: OpenStore, streams: Series) -> NDArray[np.float64] | None:
 
 
 def _there(opened: OpenStore, *streams: str) -> list[str]:
-    """Return those streams that the store has: one of an older version lacks some."""
+    """Return the streams that the store has: a store of an older version lacks some."""
     return [name for name in streams if f"streams/{name}" in opened.arrays]
 
 
 def _unpadded(
     opened: OpenStore, row: int, length: str, group: str, *names: str
 ) -> dict[str, NDArray[Any]]:
-    """Return an episode's values of some of a group's series, those that the store has."""
+    """Return an episode's values of those series of a group that the store has."""
     there = [name for name in names if f"{group}/{name}" in opened.arrays]
     if not there:
         return {}
@@ -117,9 +117,10 @@ def _group(group: CurveGroup) -> dict[str, Any]:
 
 
 def _links(robot: str, joint_positions: NDArray[Any]) -> dict[str, Any]:
-    """Return the arm's joints and TCP, world, over time; none of a robot that is not known here.
+    """Return world positions of the arm's joints and TCP over time; none for an unknown robot.
 
-    Where PyBullet, which ships some robots, is not installed, a note says so.
+    Some robot models come with PyBullet. If one is missing because PyBullet is not installed, a
+    note says so.
     """
     unknown: dict[str, Any] = {"names": [], "positions": []}
     try:
@@ -140,7 +141,7 @@ def _links(robot: str, joint_positions: NDArray[Any]) -> dict[str, Any]:
 
 @lru_cache
 def _chains(robot: str) -> tuple[Chain, ...]:
-    """Return the chain to each joint's own frame, and at last to the TCP."""
+    """Return the chain to each joint's own frame, and last the chain to the TCP."""
     if robot not in ROBOTS:
         return ()
     whole = arm_chain(ROBOTS[robot])

@@ -1,4 +1,4 @@
-"""The HTTP server: its socket, its threads, and the address that people open."""
+"""The HTTP server: its socket, its threads, and the address that users open."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from grasp_factory.errors import UsageError, shown
 
 PORT = 8642
 PORTS_TRIED = 100
-"""Ports to try from ``PORT`` on, if none is asked for."""
+"""Number of ports to try from ``PORT`` on, if the user asks for no port."""
 THREADS = ASKING + 3
 MOST_CONNECTIONS = 500
 IDLE_S = 30
 """Seconds after which an idle connection is closed."""
 MOST_HEADER = 32 * 1024
-"""Bytes of a request's header; URLs with many conditions are long."""
+"""Maximum bytes of a request's header; URLs with many conditions are long."""
 PATIENCE_S = 2.0
 """Seconds to wait for running answers when the server is stopped."""
 _LOG = logging.getLogger("waitress")
@@ -41,7 +41,7 @@ class Server:
     """The server of an application, in its own threads; a context manager that stops it.
 
     Attributes:
-        port: the TCP port that it listens at.
+        port: the TCP port that it listens on.
     """
 
     def __init__(self, app: Flask, listening: socket.socket) -> None:
@@ -75,14 +75,14 @@ class Server:
     def stop(self) -> None:
         """Wait for running answers, close all connections, and end the threads."""
         _LOG.setLevel(logging.CRITICAL)  # answers that take longer are no error
-        # First the threads that answer: they would write to closed connections.
+        # The answering threads end first: otherwise they would write to closed connections.
         self._server.task_dispatcher.shutdown(timeout=PATIENCE_S)
         with contextlib.suppress(OSError):
             self._server.trigger.pull_trigger(self._close)
         self._thread.join(PATIENCE_S)
 
     def _close(self) -> None:
-        """Close all sockets, in the thread that uses them; it ends when there are none."""
+        """Close all sockets in the thread that uses them; it ends when no socket is left."""
         wasyncore.close_all(self._sockets)
 
     def __enter__(self) -> Self:
@@ -93,10 +93,10 @@ class Server:
 
 
 class _Refusal(ErrorTask):  # type: ignore[misc]
-    """The answer to a malformed request: with the headers of all answers, and without its text."""
+    """The answer to a malformed request: with the usual headers, and without the request's text."""
 
     def execute(self) -> None:
-        """Answer."""
+        """Write the answer."""
         error = self.request.error
         body = json_bytes({"error": f"{error.reason}: the request is malformed"})
         self.status = f"{error.code} {error.reason}"
@@ -107,7 +107,7 @@ class _Refusal(ErrorTask):  # type: ignore[misc]
 
 
 class _Parser(HTTPRequestParser):  # type: ignore[misc]
-    """Reads requests; one whose URL cannot be parsed is refused, too."""
+    """Parses requests, and also refuses requests whose URL cannot be parsed."""
 
     def parse_header(self, header_plus: bytes) -> None:
         """Read a request's header.
@@ -117,7 +117,7 @@ class _Parser(HTTPRequestParser):  # type: ignore[misc]
         """
         try:
             super().parse_header(header_plus)
-        except ValueError:  # of urlsplit, which waitress does not catch
+        except ValueError:  # from urlsplit; waitress does not catch it
             raise ParsingError("Bad URI") from None
         if self.proxy_scheme or self.proxy_netloc:  # an absolute URL: its host replaces Host
             self.headers["HOST"] = self.proxy_netloc
@@ -129,7 +129,7 @@ class _Channel(HTTPChannel):  # type: ignore[misc]
 
 
 def listen(host: str, port: int | None = None) -> socket.socket:
-    """Return a socket that listens at ``port``, or at the first free one from ``PORT`` on.
+    """Return a socket that listens on ``port``, or on the first free port from ``PORT`` on.
 
     Raises:
         UsageError: if this machine has no such address, or the port is in use or not allowed.

@@ -1,4 +1,4 @@
-"""The stores that the page shows, opened for reading, and anew when they have changed."""
+"""The stores that the page shows, opened for reading, and opened again when they change."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ Stamp = tuple[tuple[int, int, int], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenStore:
-    """A store, opened. Reading from several threads at once is safe: no file stays open."""
+    """An open store. Several threads may read from it at once: no file handle is kept."""
 
     dataset: Dataset
     arrays: Mapping[str, Any]
-    """Every Zarr array by its path, for what ``Dataset`` reads only as a part of an episode."""
+    """Every Zarr array by its path, for data that ``Dataset`` reads only as part of an episode."""
     log: AnnotationLog
 
 
 class Shelf:
-    """Opens each store once, and again when its length or anything else of its header changes.
+    """Opens each store once, and again when its header changes, for example its length.
 
-    Rows that a run adds to a store of fixed length are seen without: each is read from its files.
+    A store of fixed length is not opened again for rows that a run adds: each is read from files.
     """
 
     def __init__(self, stores: Sequence[IndexedStore]) -> None:
@@ -38,11 +38,11 @@ class Shelf:
         self._lock = threading.Lock()
 
     def path(self, store: int) -> Path | None:
-        """Return where a store of the index is; None if the index has none of that number."""
+        """Return the path of a store of the index; None if no store has that number."""
         return self._paths.get(store)
 
     def open(self, store: int) -> OpenStore:
-        """Return a store that there is, opened.
+        """Return a store of the index, opened for reading.
 
         Raises:
             StoreMismatchError, StoreError: as ``Dataset.open`` does.
@@ -60,7 +60,7 @@ class Shelf:
 
 
 def _stamp(path: Path) -> Stamp:
-    """Return what changes with a store's header: with its length, or when it is made anew."""
+    """Return inode, size and time of the header files, which change with the store's header."""
     found = []
     for file in (path / "zarr.json", path / STATUS.path / "zarr.json"):
         try:

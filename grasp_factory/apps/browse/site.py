@@ -1,4 +1,4 @@
-"""What all parts of the page share."""
+"""The state that all parts of the page share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from grasp_factory.dataset.index import Index, build
 from grasp_factory.errors import GraspFactoryError, StoreError
 
 LOOK_AGAIN_S = 3.0
-"""Seconds for which the index is taken to be that of the stores."""
+"""Seconds for which the index counts as up to date with the stores."""
 
 
 class Live(Protocol):
@@ -28,7 +28,7 @@ class Live(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Site:
-    """An index, its stores, and who may write to them."""
+    """An index, its stores, and the guard that decides who may write to them."""
 
     index: Index
     guard: Guard
@@ -73,10 +73,10 @@ class Site:
 
 
 class Freshness:
-    """Brings the index up to its stores: for each new page, and now and then after that.
+    """Updates the index from its stores: for each new page, and every few seconds after that.
 
-    What cannot be read just now, such as a store that is being made again, is no reason to show
-    nothing: the index has what was there before.
+    If a store cannot be read at the moment, for example because it is being made again, the page
+    shows the previous content of the index.
     """
 
     def __init__(self, index: Index) -> None:
@@ -86,12 +86,12 @@ class Freshness:
         self._looked = float("-inf")
 
     def now(self) -> str:
-        """Take in what has changed; return what kept it from it, empty for nothing."""
+        """Update the index; return the error if this fails, else an empty text."""
         with self._lock:
             return self._refresh()
 
     def soon(self) -> None:
-        """Take in what has changed, unless somebody looked lately or does so just now."""
+        """Update the index, unless this was done recently or is being done now."""
         if time.monotonic() - self._looked < LOOK_AGAIN_S or not self._lock.acquire(blocking=False):
             return
         try:
@@ -100,7 +100,7 @@ class Freshness:
             self._lock.release()
 
     def restore(self) -> None:
-        """Make the index again if somebody has deleted it; whoever else asks waits for that.
+        """Build the index again if it was deleted; other requests wait until it is built.
 
         Raises:
             UsageError: if it cannot be written.

@@ -1,4 +1,4 @@
-"""Small pictures, kept on disk over runs, by what they show; never in a store."""
+"""Small pictures, cached on disk between runs, by a key of their content; never in a store."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from grasp_factory.errors import UsageError
 
 MOST_BYTES = 500_000_000
 _TOUCH_S = 86_400.0
-"""Seconds after which a picture that is used gets a new date: once a day is enough."""
+"""Seconds after which a used picture gets a new modification time: once a day is enough."""
 
 
 class Thumbnails:
     """A folder of JPEG files, each named by a hash of the key that it belongs to.
 
-    Where the cache cannot be used, each picture is made when it is asked for.
+    If the cache cannot be used, each picture is made on request.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -27,7 +27,7 @@ class Thumbnails:
         self._folder = folder or _folder()
 
     def get(self, key: str, make: Callable[[], bytes]) -> bytes:
-        """Return the picture of a key, made if it is not kept."""
+        """Return the picture of a key; make it if it is not in the folder."""
         if self._folder is None:
             return make()
         name = digest(key.encode())
@@ -42,10 +42,10 @@ class Thumbnails:
         return data
 
     def prune(self, most: int = MOST_BYTES) -> int:
-        """Remove what was not used for longest until no more than so many bytes are kept.
+        """Remove the least recently used pictures until at most ``most`` bytes are left.
 
         Returns:
-            How many files were removed.
+            The number of files that were removed.
         """
         files = sorted(self._files(), reverse=True)
         removed = total = 0
@@ -58,7 +58,7 @@ class Thumbnails:
         return removed
 
     def _files(self) -> list[tuple[float, int, str]]:
-        """Return date, bytes and path of each file."""
+        """Return modification time, bytes and path of each file."""
         found = []
         for folder, _, names in os.walk(self._folder) if self._folder else ():
             for name in names:
@@ -77,7 +77,7 @@ def _folder() -> Path | None:
 
 
 def _touch(file: Path) -> None:
-    """Give a file the present date, unless it has one of today."""
+    """Set a file's modification time to now, unless it is less than a day old."""
     with contextlib.suppress(OSError):
         if time.time() - file.stat().st_mtime > _TOUCH_S:
             os.utime(file)

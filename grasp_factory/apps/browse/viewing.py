@@ -80,7 +80,7 @@ def routes(site: Site) -> Blueprint:
 
 
 def _asked_camera(opened: OpenStore) -> str | None:
-    """Return the camera that the request names, None if it names none."""
+    """Return the camera that the request names; None if it names no camera."""
     camera = request.args.get("camera")
     if not camera:
         return None
