@@ -1,6 +1,6 @@
-"""What is wrong with a run: pure functions over its state, and a book of when each began and ended.
+"""Checks of a run: pure functions of its state, and a book of when alarms began and ended.
 
-Each says what was found, or nothing; nobody is told twice of one thing.
+Each check returns a finding or None. An alarm that lasts is reported only once.
 """
 
 from __future__ import annotations
@@ -18,49 +18,49 @@ from grasp_factory.labels.quality import CRITERIA, Criterion
 BLACK, WHITE = 0.03, 0.97
 """Mean grey values, 0 to 1, beyond which an image shows nothing."""
 CLIPPED = 0.95
-"""Share of black or white pixels from which it shows nothing, either."""
+"""Share of black or white pixels from which an image also shows nothing."""
 NOT_TRIED = frozenset(("never_settled", "left_workspace", "no_plan", "unreachable"))
-"""Outcomes of attempts in which the arm need not have moved, so that streams may be empty."""
+"""Outcomes of attempts in which the arm may not have moved, so that streams may be empty."""
 FEWEST_POOR = 10
-"""Episodes after which more than half of poor quality are an alarm."""
+"""Minimum number of episodes for an alarm that more than half have poor quality."""
 FEWEST_QUARANTINED = 5
 QUARANTINED_SHARE = 0.1
 PER_WINDOW = 30
-"""Episodes that a window of the rate has at least, so that chance does not halve it."""
+"""Episodes that a window should have at least, so that random variation does not halve the rate."""
 WINDOWS = 4
-"""Whole windows before the last that the rate is compared with, at least, after warm-up."""
+"""Minimum number of whole windows, after warm-up, that the last window is compared with."""
 WARM_UP = 1
-"""Windows at the start that do not count."""
+"""Windows at the start that are ignored."""
 FALL = 0.5
-"""Share of the median rate below which it has fallen."""
+"""Share of the median rate below which the rate counts as fallen."""
 STALL_S = 60.0
 START_S = 180.0
-"""Seconds in which the first episode should be made; simulators load, scenes settle."""
+"""Seconds in which the first episode should be made; first simulators load and scenes settle."""
 STALL_TIMES = 20.0
-"""A stall is also longer than so many times what an episode takes in the run."""
+"""A stall also lasts longer than this many times the mean duration of an episode in the run."""
 RESERVE = 200_000_000
-"""Bytes that should be free in any case."""
+"""Bytes that should still be free when all episodes are made."""
 MOST_ROWS = 12
-"""Rows that an alarm names."""
+"""Maximum number of rows that an alarm lists."""
 AGAIN_S = 600.0
-"""Seconds in which an alarm that ends and begins anew is not told again."""
+"""Minimum seconds between two reports of the same kind of alarm."""
 MOST_PAST = 20
-"""Ended alarms that are remembered."""
+"""Maximum number of ended alarms that are kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Something wrong, at this moment."""
+    """A problem that exists at this moment."""
 
     kind: str
     text: str
     rows: tuple[int, ...] = ()
-    """Episodes that show it, ascending, the latest few."""
+    """Rows of the latest episodes that show it, ascending."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """A finding that lasts, or has lasted; times are seconds after the run's start."""
+    """A finding over the time that it lasts; times are seconds after the run's start."""
 
     kind: str
     since: float
@@ -71,14 +71,14 @@ class Alarm:
 
 
 def empty_streams(state: LiveState, now: float) -> Finding | None:
-    """Find attempts of which a series has no records, though the arm moved."""
+    """Find attempts in which the arm moved but a series has no records."""
     found = [fact for fact in state.facts if fact.outcome not in NOT_TRIED and _empty(fact)]
     columns = sorted({column for fact in found for column in _empty(fact)})
     return _of_recent("stream", state, found, f"no records in {', '.join(columns)}")
 
 
 def blank_images(state: LiveState, now: float) -> Finding | None:
-    """Find episodes with an image that is black or white all over."""
+    """Find episodes with an image that is completely black or white."""
     found = [(fact, words) for fact in state.facts if (words := _blank(fact))]
     seen = {text for fact, words in found for text in words if fact.images}
     what = "; ".join(sorted(seen or {text for _, words in found for text in words}))
@@ -86,7 +86,7 @@ def blank_images(state: LiveState, now: float) -> Finding | None:
 
 
 def poor_quality(state: LiveState, now: float) -> Finding | None:
-    """Find a criterion of quality that more than half of the latest episodes do not meet."""
+    """Find a quality criterion that more than half of the latest episodes do not meet."""
     facts = list(state.facts)
     if len(facts) < FEWEST_POOR:
         return None
@@ -99,9 +99,9 @@ def poor_quality(state: LiveState, now: float) -> Finding | None:
 
 
 def falling_rate(state: LiveState, now: float) -> Finding | None:
-    """Find a last window that made less than half of what windows of the run make."""
+    """Find that the rate of the last window is less than half of the run's median rate."""
     if now <= 0.0 or state.left <= state.asked.workers * state.asked.block_size:
-        return None  # at the end workers have nothing to do
+        return None  # near the end some workers have nothing to do
     whole = state.rates(now)["run"]
     if whole <= 0.0:
         return None
@@ -127,7 +127,7 @@ def success_drift(state: LiveState, now: float) -> Finding | None:
 
 
 def many_quarantined(state: LiveState, now: float) -> Finding | None:
-    """Find that much of what was made last is in quarantine."""
+    """Find that a large share of the latest episodes is quarantined."""
     count, total = sum(state.recent), len(state.recent)
     if count < FEWEST_QUARANTINED or count <= QUARANTINED_SHARE * total:
         return None
@@ -135,7 +135,7 @@ def many_quarantined(state: LiveState, now: float) -> Finding | None:
 
 
 def stall(state: LiveState, now: float) -> Finding | None:
-    """Find that no episode has been made for long."""
+    """Find that no episode has been made for a long time."""
     if not state.left:
         return None
     if state.latest_at is None:
@@ -171,26 +171,26 @@ ALARM_CHECKS: Sequence[Callable[[LiveState, float], Finding | None]] = (
     success_drift,
     falling_rate,
 )
-"""All that is looked for, the most urgent first."""
+"""All checks, the most urgent first."""
 
 
 def findings(state: LiveState, now: float) -> list[Finding]:
-    """Return all that is wrong ``now`` seconds after the start, the most urgent first."""
+    """Return all findings ``now`` seconds after the start, the most urgent first."""
     return [found for look in ALARM_CHECKS if (found := look(state, now))]
 
 
 class AlarmBook:
-    """Keeps when alarms began and ended, and which of them are to be told."""
+    """Keeps when alarms began and ended, and when they were reported."""
 
     def __init__(self) -> None:
         self.lasting: dict[str, Alarm] = {}
-        """By kind, in the order of ``ALARM_CHECKS``."""
+        """Current alarms by kind, in the order of ``ALARM_CHECKS``."""
         self.past: list[Alarm] = []
-        """The last that ended, oldest first."""
+        """The last alarms that ended, oldest first."""
         self._told: dict[str, float] = {}
 
     def update(self, found: Iterable[Finding], now: float) -> list[Alarm]:
-        """Take what is wrong now; return the alarms that people are to be told of."""
+        """Update the alarms from the current findings; return those to report to the user."""
         before, self.lasting = self.lasting, {}
         for one in found:
             since = before[one.kind].since if one.kind in before else now
@@ -218,7 +218,7 @@ def _empty(fact: EpisodeFacts) -> list[str]:
 
 
 def _blank(fact: EpisodeFacts) -> list[str]:
-    """Return in words which images of an episode show nothing."""
+    """Return a text for each image of an episode that shows nothing."""
     if fact.images:
         return [
             f"{name} is {word}" for name, light in fact.images.items() if (word := _word(light))

@@ -1,4 +1,4 @@
-"""Whether the success rate has changed in a run: a test that seldom cries wolf."""
+"""A test of whether the success rate has changed in a run, with few false alarms."""
 
 from __future__ import annotations
 
@@ -7,37 +7,37 @@ from collections import deque
 from dataclasses import dataclass
 
 LAST = 100
-"""Episodes that are compared with all before them."""
+"""Number of latest episodes that are compared with all episodes before them."""
 FEWEST_BEFORE = 100
 EVERY = 20
-"""Episodes from a test to the next."""
+"""Number of episodes from one test to the next."""
 FALSE_ALARMS = 0.01
-"""Chance that a run whose episodes all have one chance of success raises an alarm, at most."""
+"""Maximum probability that a run with a constant success probability raises an alarm."""
 BACK = 0.05
-"""An alarm ends when the last episodes are as likely as this under the rate before it."""
+"""An alarm ends when the p-value of the last episodes, given the rate before it, exceeds this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """A change of the success rate, as long as it lasts."""
+    """A change of the success rate that still lasts."""
 
     before: float
-    """Share of successes until ``LAST`` episodes before it was found."""
+    """Share of successes among the episodes before the ``LAST`` ones, when the change was found."""
     last: float
-    """Share of the last ``LAST``."""
+    """Share of successes among the last ``LAST`` episodes."""
 
 
 class SuccessDrift:
-    """Compares the last ``LAST`` episodes with all before, every ``EVERY`` episodes.
+    """Compares the last ``LAST`` episodes with all before them, every ``EVERY`` episodes.
 
     Each test is exact (hypergeometric, two-sided), and they share ``FALSE_ALARMS`` equally
-    (Bonferroni), so the chance of a false alarm in a whole run is at most that, for any rate of
-    success and although the tests overlap. While an alarm lasts, the rate before it stays the
-    measure: a change that stays does not become the rule.
+    (Bonferroni), so the probability of a false alarm in a whole run is at most that, for any
+    success rate and although the tests overlap. While an alarm lasts, the reference is the rate
+    before it: a permanent change does not become the reference.
     """
 
     def __init__(self, total: int) -> None:
-        """Begin a run of so many episodes; it decides how many tests there are."""
+        """Begin a run of ``total`` episodes; the number of tests follows from it."""
         tests = max(1, (total - FEWEST_BEFORE - LAST) // EVERY + 1)
         self._level = FALSE_ALARMS / tests
         self._last: deque[bool] = deque()
@@ -48,7 +48,7 @@ class SuccessDrift:
         self.shift: Shift | None = None
 
     def add(self, success: bool) -> None:
-        """Follow an attempt."""
+        """Add the result of an attempt."""
         self._last.append(success)
         self._made += 1
         if len(self._last) > LAST:
@@ -63,7 +63,7 @@ class SuccessDrift:
         if self._frozen is None and chance > self._level:
             return
         if self._frozen is not None and chance > BACK:
-            self._before = list(before)  # what came meanwhile is no measure of what is usual
+            self._before = list(before)  # episodes during the alarm are not part of the reference
             self._frozen = self.shift = None
             return
         self._frozen = before
@@ -71,10 +71,10 @@ class SuccessDrift:
 
 
 def two_sided(hits: int, n: int, hits_before: int, n_before: int) -> float:
-    """Return how likely so uneven shares are if both have one chance of success.
+    """Return the p-value of two shares of success if both have the same success probability.
 
-    Given how many successes there are in all, those among the ``n`` are hypergeometric; the
-    smaller tail is doubled.
+    Given the total number of successes, the number among the ``n`` has a hypergeometric
+    distribution; the probability of the smaller tail is doubled.
     """
     successes, total = hits + hits_before, n + n_before
     low, high = max(0, successes - n_before), min(n, successes)

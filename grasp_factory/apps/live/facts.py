@@ -1,4 +1,4 @@
-"""What the store says of the latest episodes: cheap columns of committed blocks, and the disk."""
+"""Facts of the latest episodes, from columns of committed blocks that read fast, and disk space."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Brightness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeFacts:
-    """What is read of a committed episode."""
+    """The facts that are read from a committed episode."""
 
     row: int
     outcome: str
@@ -41,22 +41,22 @@ class EpisodeFacts:
     lengths: Mapping[str, int] = field(default_factory=dict)
     """Samples of each group of time series, by its column: ``n_steps``, ``n_imu``, ..."""
     measured: Mapping[str, float] = field(default_factory=dict)
-    """By column: what the quality score is made from, as far as the store has it."""
+    """Inputs of the quality score by column, those that the store has."""
     images: Mapping[str, Brightness] = field(default_factory=dict)
-    """By camera and frame, as ``front before``; of the episodes that were looked at."""
+    """By camera and frame, as ``front before``; empty if the episode's images were not read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disk:
-    """Room on the store's disk, bytes."""
+    """Free space on the store's disk and the size of an episode, bytes."""
 
     free: int
     per_episode: float
-    """What an episode takes, from a block that is committed; 0 before there is one."""
+    """Size of an episode, measured on a committed block; 0 if no block is committed yet."""
 
 
 class BlockFacts:
-    """Reads facts of a store while it is written; nothing is kept open that a run replaces."""
+    """Reads facts of a store while it is written; it keeps no file open that a run replaces."""
 
     def __init__(self, path: Path) -> None:
         """Open the store at ``path``.
@@ -71,7 +71,7 @@ class BlockFacts:
         self._more = [name for name in ("object_id", "checksum", "quality") if name in names]
 
     def committed(self, made: Sequence[Made]) -> bool:
-        """Say whether all these episodes, of one block, are in the store as they were told."""
+        """Return whether a block's episodes are committed with the statuses that were reported."""
         first, last = made[0].index, made[-1].index
         statuses = self._columns.read_rows("status", first, last + 1)
         return all(
@@ -81,7 +81,7 @@ class BlockFacts:
         )
 
     def read(self, made: Sequence[Made]) -> list[EpisodeFacts]:
-        """Return the facts of episodes of one block, ascending, those in quarantine left out."""
+        """Return the facts of a block's episodes, ascending, without the quarantined ones."""
         first, last = made[0].index, made[-1].index
         names = (*self._lengths, *self._measured, *self._more)
         values = {name: self._columns.read_rows(name, first, last + 1) for name in names}
@@ -103,7 +103,7 @@ class BlockFacts:
         return out
 
     def images(self, row: int) -> dict[str, Brightness]:
-        """Look at an episode's images, of all cameras, before and after."""
+        """Return the brightness of an episode's images, of all cameras, before and after."""
         out = {}
         for camera in self._dataset.config.cameras:
             for frame, name in enumerate(FRAMES):
@@ -112,7 +112,7 @@ class BlockFacts:
         return out
 
     def disk(self, block: int | None) -> Disk:
-        """Return the room that there is, and what an episode of a committed block takes."""
+        """Return the free disk space and the size of an episode, measured on a committed block."""
         free = shutil.disk_usage(self._columns.path).free
         if block is None:
             return Disk(free=free, per_episode=0.0)

@@ -1,4 +1,4 @@
-"""What has happened in a run so far, in few numbers however long it is."""
+"""The state of a run so far, as a few numbers even for a long run."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from grasp_factory.factory.block_job import Made
 from grasp_factory.labels.quality import QualityConfig
 
 LATEST = 24
-"""Episodes that are shown."""
+"""Number of latest episodes that the page shows."""
 RECENT = 50
-"""Episodes whose facts the alarms look at."""
+"""Number of latest episodes whose facts the alarms check."""
 MINUTE_S = 60.0
 QUARANTINED = "quarantined"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """What a run was asked to do, as far as its watch needs it."""
+    """The part of a run's request that its watch needs."""
 
     to_make: int
     already_there: int = 0
@@ -34,28 +34,28 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveMessage:
-    """Something that a person should know, and when, in seconds after the start."""
+    """A message for the user and its time, in seconds after the start."""
 
     at: float
     text: str
 
 
 class LiveState:
-    """Follows a run. Times are seconds after its start; nothing here asks a clock.
+    """The state of a run. Times are seconds after its start; nothing here reads a clock.
 
     Attributes:
-        asked: what it was asked to do.
-        made: episodes so far, those in quarantine among them.
-        outcomes: their number by word, ``quarantined`` among them.
-        latest_at: when the last one was made; None before the first.
+        asked: what the run was asked to do.
+        made: number of episodes so far, including quarantined ones.
+        outcomes: number of episodes by outcome, including ``quarantined``.
+        latest_at: when the last episode was made; None before the first.
         windows: outcomes over time.
-        pace: episodes by the clock.
-        recent: quarantined or not, of the last ``RECENT``.
-        facts: of the last ``RECENT`` episodes that are committed.
+        pace: episodes over time.
+        recent: whether each of the last ``RECENT`` episodes is quarantined.
+        facts: facts of the last ``RECENT`` episodes that are committed.
         latest: the last ``LATEST`` rows that are in the store, newest first.
-        waiting: rows that are made, of blocks that are not committed yet.
-        losses: the last lines on lost workers.
-        disk: the room that there is; None before it was measured.
+        waiting: episodes that were made, by block, of blocks that are not committed yet.
+        losses: the last messages about lost workers.
+        disk: the free disk space; None before it is measured.
     """
 
     def __init__(self, asked: Asked) -> None:
@@ -75,7 +75,7 @@ class LiveState:
 
     @property
     def quarantined(self) -> int:
-        """Episodes of this run that are in quarantine."""
+        """Number of quarantined episodes of this run."""
         return self.outcomes[QUARANTINED]
 
     @property
@@ -86,16 +86,16 @@ class LiveState:
 
     @property
     def left(self) -> int:
-        """Episodes that are still to be made."""
+        """Number of episodes that are still to be made."""
         return max(0, self.asked.to_make - self.made)
 
     @property
     def shift(self) -> Shift | None:
-        """The change of the success rate that the run is in, if there is one."""
+        """The current change of the success rate, if there is one."""
         return self._drift.shift
 
     def add(self, made: Made, at: float) -> None:
-        """Follow an episode that was made; its block is not committed yet."""
+        """Add an episode that was made; its block is not committed yet."""
         self.made += 1
         self.outcomes[made.outcome] += 1
         self.latest_at = at
@@ -107,12 +107,12 @@ class LiveState:
         self.waiting.setdefault(made.index // self.asked.block_size, []).append(made)
 
     def lose(self, text: str, at: float) -> None:
-        """Follow the loss of a worker."""
+        """Add the loss of a worker."""
         self.lost += 1
         self.losses.append(LiveMessage(at=at, text=text))
 
     def commit(self, block: int, facts: Iterable[EpisodeFacts]) -> None:
-        """Follow a block's commit, with the facts of its episodes."""
+        """Add the commit of a block, with the facts of its episodes."""
         found = {fact.row: fact for fact in facts}
         for made in self.waiting.pop(block):
             fact = found.get(made.index)
@@ -121,7 +121,7 @@ class LiveState:
                 self.facts.append(fact)
 
     def look(self, row: int, images: dict[str, Brightness]) -> None:
-        """Add what was seen in an episode's images to its facts, if they are still there."""
+        """Add the brightness of an episode's images to its facts, if these are still kept."""
         for place, fact in enumerate(self.facts):
             if fact.row == row:
                 self.facts[place] = replace(fact, images=images)
@@ -132,7 +132,7 @@ class LiveState:
         return {"minute": self.pace.latest(MINUTE_S, now), "run": whole}
 
     def seconds_left(self, now: float) -> float | None:
-        """Return how long the rest will take at the last minute's rate; None if it makes none."""
+        """Return the time for the rest at the last minute's rate, s; None if that rate is 0."""
         rate = self.rates(now)["minute"]
         return self.left / rate if rate > 0.0 else None
 

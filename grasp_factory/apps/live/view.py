@@ -1,7 +1,7 @@
 """Serving a run while it makes episodes: the browse page, with the watch's snapshot at /api/live.
 
-Everything of it runs in threads beside the run, which must not notice: whatever fails here is told
-once, and the episodes go on.
+All of it runs in its own threads and must not disturb the run: a failure here is reported once, and
+the run goes on.
 """
 
 # ruff: noqa: PLC0415
@@ -30,17 +30,20 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 LONGEST_ERROR = 500
 WATCHED_S = 5.0
-"""Seconds since a page last asked, within which somebody is taken to look at it."""
+"""A page counts as open for this many seconds after its last request."""
 LAST_WORD_S = 3.0
-"""Seconds that the end of a run waits, at most, for such a page to ask once more."""
+"""Maximum seconds that the end of a run waits for the last request of such a page."""
 LAST_PICTURES_S = 0.7
-"""Seconds that it then has for its last pictures."""
+"""Seconds that the page then has to load its last pictures."""
 OPENING_S = 60.0
-"""Seconds that the end of a run waits for its index, which is being made."""
+"""Maximum seconds that the end of a run waits until its index is made."""
 
 
 class LiveView:
-    """Serves one run, from ``start`` to the end of its ``with`` block; its hooks feed the watch."""
+    """Serves one run, from ``start`` to the end of its ``with`` block.
+
+    The run calls ``episode`` and ``loss``, which feed the watch.
+    """
 
     def __init__(
         self,
@@ -48,15 +51,15 @@ class LiveView:
         tell: Callable[[str], None],
         announce: Callable[[str], None],
     ) -> None:
-        """Take a port; nothing is served yet, and nothing has been made.
+        """Take a port; nothing is served before ``start``.
 
         Args:
             port: where to listen; None for the default, or the next one that is free.
-            tell: shows a person a line, of an alarm or of trouble with the view.
+            tell: shows the user a line about an alarm or about a problem of the view.
             announce: shows the address.
 
         Raises:
-            UsageError: if the port cannot be had, or what serves pages is not installed.
+            UsageError: if the port cannot be used, or the server's libraries are not installed.
         """
         require_server()
         from grasp_factory.apps.browse.serving import listen
@@ -75,7 +78,7 @@ class LiveView:
         self._has_last_word = threading.Event()
 
     def start(self, plan: RunPlan) -> None:
-        """Watch what a plan makes, and tell where it can be seen; nothing if it makes nothing."""
+        """Watch the run of a plan and announce the page's URL; do nothing if the plan is empty."""
         if not plan.blocks or self._socket is None:
             return
         from grasp_factory.apps.browse.serving import address
@@ -89,18 +92,18 @@ class LiveView:
             self._announce(f"Live view: {url}&to=live")
 
     def episode(self, made: Made) -> None:
-        """Hear of an episode that was made."""
+        """Receive an episode that was made."""
         if self._watch is not None:
             self._watch.episode(made)
 
     def loss(self, text: str) -> None:
-        """Hear that a worker was lost."""
+        """Receive the message that a worker was lost."""
         if self._watch is not None:
             self._watch.loss(text)
 
     def snapshot(self) -> dict[str, Any]:
-        """Return how the run stands, for the page; see ``RunWatch.snapshot``."""
-        assert self._watch is not None  # the server starts after it
+        """Return the state of the run for the page; see ``RunWatch.snapshot``."""
+        assert self._watch is not None  # the server starts after the watch
         self._asked_at = time.monotonic()
         found = self._watch.snapshot()
         if found["phase"] != RUNNING:
@@ -116,13 +119,13 @@ class LiveView:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Let a page that is open learn how the run ended, and end the server.
+        """Let an open page fetch how the run ended, and stop the server.
 
-        A run that is stopped by Ctrl-C or SIGTERM ends at once: its page finds the server gone.
+        A run that is stopped by Ctrl-C or SIGTERM ends at once: its page loses the server.
         """
         if isinstance(error, KeyboardInterrupt):
             return
-        with contextlib.suppress(KeyboardInterrupt):  # of the wait: the run is done
+        with contextlib.suppress(KeyboardInterrupt):  # raised while this waits: the run is done
             if self._watch is not None:
                 text = " ".join(str(error).split())[:LONGEST_ERROR] if error else ""
                 self._watch.end(FAILED if error else FINISHED, text)
@@ -135,7 +138,7 @@ class LiveView:
             self._socket.close()
 
     def _open(self) -> None:
-        """Make the index and serve. Runs in a thread: an index of a large store takes a while."""
+        """Make the index and serve; this runs in a thread, because a large store takes long."""
         assert self._watch is not None
         assert self._socket is not None
         with self._costing_nothing("cannot be served"):
@@ -149,7 +152,7 @@ class LiveView:
 
     @contextlib.contextmanager
     def _costing_nothing(self, trouble: str) -> Iterator[None]:
-        """Tell what fails instead of raising it: the run does not need the view."""
+        """Report an exception instead of raising it: the run does not need the view."""
         try:
             yield
         except Exception as error:
@@ -163,7 +166,7 @@ class LiveView:
 
 @contextlib.contextmanager
 def _signals_elsewhere() -> Iterator[None]:
-    """Have threads that are started meanwhile never take Ctrl-C: the main thread has to wake."""
+    """Block signals in threads that start in the block: the main thread must receive Ctrl-C."""
     ours = {signal.SIGINT, signal.SIGTERM, signal.SIGALRM}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ours)
     try:

@@ -1,7 +1,7 @@
-"""The watch over a run: hears of it, reads what is committed, and tells of it in a snapshot.
+"""The watch of a run: receives its events, reads committed blocks, and makes a snapshot.
 
-The run only puts what it hears into a queue. All else happens in a thread of the watch's own,
-whose troubles are told once and cost the run nothing.
+The run only puts events into a queue. All else happens in the watch's own thread; an error there is
+reported once and does not stop the run.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ if TYPE_CHECKING:
     from grasp_factory.factory.generate import RunPlan
 
 STEP_S = 1.0
-"""Seconds from a look at the run to the next."""
+"""Seconds between two updates of the run's state."""
 DISK_S = 10.0
-"""Seconds from a look at the disk to the next."""
+"""Seconds between two measurements of the disk."""
 RUNNING, FINISHED, FAILED = "running", "finished", "failed"
-"""How a run stands."""
+"""Phases of a run."""
 
 
 class RunWatch:
-    """Follows one run; ``snapshot`` may be asked for at any time, by any thread.
+    """Follows one run; ``snapshot`` may be called at any time, by any thread.
 
     Attributes:
-        path: of the store.
+        path: path of the store.
     """
 
     def __init__(self, plan: RunPlan, tell: Callable[[str], None]) -> None:
-        """Watch what a plan makes.
+        """Prepare to watch the run of a plan; ``begin`` starts.
 
         Args:
-            plan: what the run is about to do.
-            tell: shows a person a line: of an alarm, or that the watch itself has trouble.
+            plan: the plan of the run.
+            tell: shows the user a line about an alarm or about a problem of the watch itself.
         """
         self.path = plan.path
         self._plan, self._tell = plan, tell
@@ -72,21 +72,21 @@ class RunWatch:
         self._thread.start()
 
     def episode(self, made: Made) -> None:
-        """Hear of an episode; costs the run next to nothing."""
+        """Receive an episode that was made; this takes the run almost no time."""
         self._news.put((self._now(), made))
 
     def loss(self, text: str) -> None:
-        """Hear that a worker was lost."""
+        """Receive the message that a worker was lost."""
         self._news.put((self._now(), text))
 
     def end(self, phase: str, error: str = "") -> None:
-        """Take a last look and leave the thread; how the run ended is in the snapshot from then."""
+        """Update a last time and end the thread; the snapshot then says how the run ended."""
         self._phase, self._error = phase, error
         self._is_over.set()
         self._thread.join()
 
     def snapshot(self) -> dict[str, Any]:
-        """Return how the run stands, as JSON has it; docs/guides/live.md says what is in it."""
+        """Return the state of the run as JSON values; docs/guides/live.md describes them."""
         return self._snapshot
 
     def _run(self) -> None:
@@ -101,7 +101,7 @@ class RunWatch:
             self._read(now)
             for alarm in self._book.update(findings(self._state, now), now):
                 self._tell(f"alarm ({alarm.kind}): {alarm.text}")
-        except Exception as error:  # whatever it is, it is the watch's and not the run's
+        except Exception as error:  # a failure of the watch must not stop the run
             self._complain(error)
         finally:
             self._snapshot = self._told(now)
@@ -118,7 +118,7 @@ class RunWatch:
                 self._state.lose(what, at)
 
     def _read(self, now: float) -> None:
-        """Read the facts of blocks that have been committed, and look at one episode's images."""
+        """Read the facts of blocks that have been committed, and the images of one episode."""
         if self._facts is None:
             self._facts = BlockFacts(self.path)
         newest = None
@@ -180,5 +180,5 @@ class RunWatch:
 
 
 def in_a_line(error: Exception) -> str:
-    """Return an error's kind and text in one line that is not too long."""
+    """Return an error's type and text in one line of limited length."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_REASON]

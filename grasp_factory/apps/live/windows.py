@@ -1,4 +1,4 @@
-"""Counts over time that stay few: of outcomes by episodes made, and of episodes by the clock."""
+"""Counts over a run: outcomes per window of episodes, and episodes per interval of time."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections import Counter
 from typing import Any
 
 MOST_WINDOWS = 120
-"""Of a chart; when there are more, neighbours become one."""
+"""Maximum number in a chart; when there are more, each two adjacent windows become one."""
 FEWEST = 5
-"""Episodes of a window, at first: a share of fewer says little."""
+"""Initial number of episodes in a window: a share of fewer episodes is not reliable."""
 TICK_S = 5.0
-"""Seconds of a count of episodes by the clock."""
+"""Seconds of an interval in which episodes are counted."""
 
 
 class Windows:
@@ -37,9 +37,9 @@ class Windows:
     def to_plain(self) -> dict[str, Any]:
         """Return the windows as lists of equal length, for a chart.
 
-        ``made`` are episodes made by each window's end, ``seconds`` when that was, ``rate`` its
-        episodes per second, ``outcomes`` its counts by word; ``success`` is the share among those
-        that are not quarantined, None where there are none.
+        ``made`` is the number of episodes until each window's end, ``seconds`` the time of that
+        end, ``rate`` the window's episodes per second, ``outcomes`` its counts by word, and
+        ``success`` the share among episodes that are not quarantined, None if there are none.
         """
         words = sorted(set().union(*self._counts))
         totals = [counts.total() for counts in self._counts]
@@ -65,7 +65,7 @@ class Windows:
 
 
 class EpisodeRate:
-    """How many episodes came in each tick of the clock, counted from the start."""
+    """The number of episodes in each interval of ``TICK_S`` seconds from the start."""
 
     def __init__(self) -> None:
         self._ticks: list[int] = []
@@ -76,9 +76,9 @@ class EpisodeRate:
         self._ticks[-1] += 1
 
     def rates(self, window: float, now: float) -> list[float]:
-        """Return episodes per second of each whole window up to ``now``, the last one last.
+        """Return episodes per second of each whole window up to ``now``, in order of time.
 
-        Windows are counted back from the last whole tick, so the first one may be left out.
+        Windows are counted back from the last whole interval: the first intervals may be left out.
         """
         self._reach(int(now // TICK_S))
         whole, width = self._ticks[:-1], max(1, round(window / TICK_S))
@@ -88,7 +88,7 @@ class EpisodeRate:
         ]
 
     def latest(self, window: float, now: float) -> float:
-        """Return episodes per second of the last window, or since the start if that is less."""
+        """Return episodes per second of the last window, or since the start if that is shorter."""
         self._reach(int(now // TICK_S))
         width = max(1, round(window / TICK_S))
         span = now - max(0, len(self._ticks) - 1 - width) * TICK_S
@@ -99,7 +99,7 @@ class EpisodeRate:
 
 
 def median(values: list[float]) -> float:
-    """Return the median, 0 of nothing."""
+    """Return the median; 0 if there are no values."""
     return statistics.median(values) if values else 0.0
 
 
