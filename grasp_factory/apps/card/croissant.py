@@ -40,7 +40,7 @@ _CONTEXT: Mapping[str, Any] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Described:
-    """What is said of a dataset as a whole."""
+    """The description of a dataset as a whole."""
 
     name: str
     description: str
@@ -71,7 +71,7 @@ def croissant(described: Described, table: TableFile, store: str) -> str:
     Args:
         described: The dataset.
         table: The file with its episodes, in the same folder.
-        store: Where the store lies, from that folder.
+        store: Path of the store, relative to that folder.
     """
     facts = {
         "@context": _CONTEXT,
@@ -143,7 +143,7 @@ def _field(table: TableFile, column: TableColumn) -> dict[str, Any]:
 
 
 def _citation(described: Described) -> str:
-    """Return a BibTeX entry; what would end a value early is left out of it."""
+    """Return a BibTeX entry; characters that would end a value early are removed."""
     values = {
         "title": described.name,
         "year": (described.date_published or "")[:4],

@@ -28,13 +28,13 @@ from grasp_factory.writers.zarr.sizes import store_bytes
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 GROUPED = ("split", "policy", "object_set", "object_family")
-"""Columns whose words the card counts, if the store has them."""
+"""Columns whose values the card counts, if the store has them."""
 _NEEDED = ("success", "outcome", "object_id", "split")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:
-    """The committed episodes with one word in a column."""
+    """The committed episodes with one value of a column."""
 
     word: str
     episodes: int
@@ -45,18 +45,22 @@ class Group:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AddedLabel:
-    """A label that was added to the store's own."""
+    """A label that was added to the store in addition to its own."""
 
     name: str
     thresholds: Mapping[str, Any]
     episodes: int
-    """Committed ones that have it."""
+    """Committed episodes that have it."""
     successes: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CardFacts:
-    """What is in a store. All but the first four counts are of its committed episodes."""
+    """The contents of a store.
+
+    The first four fields, ``reasons`` and ``platforms`` describe all rows, the others only the
+    committed episodes.
+    """
 
     rows: int
     quarantined: int
@@ -64,18 +68,18 @@ class CardFacts:
     bytes: int
     total: Group
     groups: Mapping[str, tuple[Group, ...]]
-    """By column of ``GROUPED``; the splits in their order, others with the most episodes first."""
+    """By column of ``GROUPED``; splits in their usual order, other groups the largest first."""
     outcomes: Mapping[str, int]
-    """Those that occur, in their fixed order."""
+    """Episodes by outcome, for the outcomes that occur, in their fixed order."""
     quality: Mapping[str, int]
     """Episodes by score, the best first; empty for stores that are older than scores."""
     reasons: Mapping[str, int]
-    """Why rows are quarantined, and how many: the most frequent first."""
+    """Number of quarantined rows by reason, the most frequent first."""
     platforms: Mapping[str, int]
-    """Rows by their fingerprint, the most frequent first."""
+    """Number of rows by fingerprint, the most frequent first."""
     labels: tuple[AddedLabel, ...]
     table: tuple[TableColumn, ...]
-    """The episodes; see ``table``."""
+    """The columns of the table of episodes; see module ``table``."""
 
     def values(self) -> dict[str, NDArray[Any]]:
         """Return the columns of the table by name, (n,) each."""
@@ -83,7 +87,7 @@ class CardFacts:
 
 
 def read_facts(dataset: Dataset) -> CardFacts:
-    """Read and count what a store holds, as it is now.
+    """Read and count the present contents of a store.
 
     Raises:
         UsageError: for a store without episodes.
@@ -95,7 +99,7 @@ def read_facts(dataset: Dataset) -> CardFacts:
     if lost := [name for name in _NEEDED if name not in wanted]:
         what = f"{dataset.path} is damaged: it has no column {', '.join(lost)}"
         raise StoreError(f"{what}; run grasp-factory verify on it, and repair")
-    # At once: another process may be adding rows, and all columns must have the same ones.
+    # In one read: another process may add rows, and all columns must have the same rows.
     read = columns.read("status", *wanted)
     status = read.pop("status")
     made = np.flatnonzero(status == COMMITTED)

@@ -1,7 +1,7 @@
-"""The card's bar charts, drawn with what the contact sheet is drawn with.
+"""The card's bar charts, drawn with the same functions as the contact sheet.
 
-OpenCV is a dependency already and gives the same bytes wherever its version is the same; the words
-in the charts are the package's own, which are ASCII.
+OpenCV is a dependency already, and one version of it makes the same bytes on every machine. The
+words in the charts are the package's own, which are ASCII.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from grasp_factory.core.geometry import Array
 WIDTH = 960
 MARGIN, ROW, BAR = 20, 30, 18
 _LABELS, _COUNTS = 170, 150
-"""Pixels beside the bars."""
+"""Pixels to the left and to the right of the bars."""
 _PANEL = (300, 190)
 _BINS = 30
 _TOP = 99.0
-"""Per cent of the values below which a histogram's last bin begins at the latest."""
+"""Percentile of the values at which a histogram ends; larger values count in its last bin."""
 _LINE: BgrColor = (170, 110, 40)
 
 
@@ -47,11 +47,11 @@ class Measure:
     column: str
     title: str
     threshold: float | None
-    """What success asks for; None for nothing."""
+    """The value that success requires; None if it requires none."""
 
 
 def measures(label: LabelConfig) -> tuple[Measure, ...]:
-    """Return what is drawn of the measurements, with a label's thresholds."""
+    """Return the measurements that are drawn, with a label's thresholds."""
     return (
         Measure(column="lift_height", title="lift height, m", threshold=label.min_lift),
         Measure(column="shake_level", title="shake survived, g", threshold=label.min_shake or None),
@@ -71,7 +71,7 @@ def measures(label: LabelConfig) -> tuple[Measure, ...]:
 
 
 def outcomes_chart(outcomes: Mapping[str, int]) -> BgrImage:
-    """Return a bar for each outcome of ``outcomes``, which has episodes by word."""
+    """Return a chart with a bar for each outcome; ``outcomes`` has their episodes."""
     total, most = sum(outcomes.values()), max(outcomes.values())
     image = _paper(2 * MARGIN + ROW * len(outcomes), WIDTH)
     room = WIDTH - 2 * MARGIN - _LABELS - _COUNTS
@@ -87,11 +87,11 @@ def outcomes_chart(outcomes: Mapping[str, int]) -> BgrImage:
 
 
 def measures_chart(columns: Mapping[str, NDArray[Any]], label: LabelConfig) -> BgrImage:
-    """Return a histogram of each measurement, successes below and failures on top of them.
+    """Return a histogram of each measurement, with failures on top of successes.
 
     Args:
         columns: Values (n,) by column: ``success``, and measurements, NaN where there is none.
-        label: Whose thresholds are drawn.
+        label: The label whose thresholds are drawn.
     """
     drawn = [measure for measure in measures(label) if measure.column in columns]
     across = 3
@@ -115,7 +115,7 @@ def stacked_counts(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the successes and failures of each bin, (len(edges) - 1,) each.
 
-    Values outside the edges count in the bin next to them, NaN nowhere.
+    Values outside the edges are counted in the nearest bin; NaN is not counted.
     """
     inside = np.clip(values, edges[0], edges[-1])
     good, bad = (np.histogram(inside[which], edges)[0] for which in (success, ~success))
@@ -123,11 +123,11 @@ def stacked_counts(
 
 
 def bin_edges(values: Array) -> Array:
-    """Return the edges of a histogram's bins: all values but the largest few lie within."""
+    """Return the edges of a histogram's bins, which contain all values except the largest few."""
     finite = values[np.isfinite(values)]
     low, high = float(finite.min()), float(np.percentile(finite, _TOP))
     largest = max(abs(low), abs(high))
-    if high - low <= 1e-6 * largest + 1e-12:  # all the same, as far as one can tell
+    if high - low <= 1e-6 * largest + 1e-12:  # practically equal
         low, high = low - max(0.5, largest / 2), low + max(0.5, largest / 2)
     return np.linspace(low, high, _BINS + 1)
 
@@ -166,7 +166,7 @@ def _draw_histogram(
 
 
 def _pixels(length: float) -> int:
-    """Return a bar's length; what is there at all is seen."""
+    """Return a bar's length in pixels, at least one for a count above 0."""
     return max(1, round(length)) if length > 0.0 else 0
 
 

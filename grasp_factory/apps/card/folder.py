@@ -1,6 +1,6 @@
-"""The folder of a card: whose files are in it, and replacing only what nobody has changed.
+"""The folder of a card: which files a card wrote, so that only unchanged ones are replaced.
 
-The README ends in a comment with the digest of every file of the card, its own text included.
+The README ends with a comment that has the digest of every file of the card and of its own text.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ _DIGEST = re.compile(r"([0-9a-f]{64})  (.+)")
 
 
 def check_folder(out: Path, store: Path) -> None:
-    """Check that a card may lie in a folder.
+    """Check that a card may be written to a folder.
 
     Raises:
-        UsageError: if it is a file, or within a Zarr store, whose readers warn of foreign files.
+        UsageError: if it is a file, or inside a Zarr store, whose readers warn of foreign files.
     """
     out = locate(out)
     if out.exists() and not out.is_dir():
@@ -36,7 +36,7 @@ def check_folder(out: Path, store: Path) -> None:
 
 
 def foreign_files(out: Path, names: Iterable[str]) -> list[str]:
-    """Return which files of these names are there that no card has written, or not so.
+    """Return the names of existing files that no card has written, or that were changed since.
 
     Raises:
         StoreError: if one cannot be read.
@@ -55,7 +55,7 @@ def place(files: Mapping[str, Path], out: Path) -> None:
     """Move finished files to their names in a folder.
 
     Raises:
-        StoreError: if the disk or its permissions do not let them.
+        StoreError: if the disk or its permissions do not allow it.
     """
     try:
         for name, file in files.items():
@@ -70,7 +70,7 @@ def seal(text: str, digests: Mapping[str, str]) -> str:
     """Return a README's text with the digests of all files at its end.
 
     Args:
-        text: Without them; ends in a newline.
+        text: The README's text without digests; it ends with a newline.
         digests: SHA-256 of the other files by name.
     """
     own = {README: hashlib.sha256(text.encode()).hexdigest()}
@@ -85,7 +85,7 @@ def digest(file: Path) -> str:
 
 
 def _sealed(readme: Path) -> dict[str, str]:
-    """Return the digests that a README names; none if it is no card's."""
+    """Return the digests in a README; empty if no card has written it."""
     if not readme.is_file():
         return {}
     _, head, rest = readme.read_bytes().decode(errors="replace").rpartition(_HEAD)

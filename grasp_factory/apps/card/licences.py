@@ -1,4 +1,4 @@
-"""Licences that the Hub's dataset cards may name, and what SPDX calls them."""
+"""Licences that the Hub's dataset cards may name, and their SPDX identifiers."""
 
 from __future__ import annotations
 
@@ -66,9 +66,9 @@ LICENCES: Mapping[str, str] = {
     "wtfpl": "WTFPL",
     "zlib": "Zlib",
 }
-"""SPDX identifier by the Hub's, empty where it stands for a family or for none."""
+"""SPDX identifier by the Hub's identifier, empty if that means a family of licences or none."""
 
 
 def licence_url(name: str) -> str:
-    """Return where a licence of the table is written down, or its name if that is nowhere."""
+    """Return the URL of a licence of the table, or its name if it has no SPDX identifier."""
     return f"https://spdx.org/licenses/{LICENCES[name]}.html" if LICENCES[name] else name

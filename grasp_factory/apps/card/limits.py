@@ -1,4 +1,4 @@
-"""What a dataset cannot tell, as far as it follows from its config."""
+"""The known limits of a dataset, as far as they follow from its config."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from grasp_factory.core.renderer import Renderer
 from grasp_factory.core.splits import SPLITS
 
 _STRAIGHT_DOWN = {"uniform", "top_down"}
-"""Policies all of whose grasps come straight down."""
+"""Policies whose grasps all approach straight down."""
 _BOX_INERTIA = {"blobs", "classic"}
 """Object sets whose inertia is that of the bounding box."""
 
 
 def known_limits(config: FactoryConfig) -> tuple[str, ...]:
-    """Return the known limits of a config's dataset, a sentence or two each."""
+    """Return the known limits of a config's dataset, one or two sentences each."""
     return (
         "All of it is simulated. How well what is learned from it does on a real robot was not"
         " measured.",

@@ -1,4 +1,4 @@
-"""From a store to the files of its card."""
+"""Making the files of a card from its store."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from grasp_factory.writers.zarr.files import cannot_write, locate
 
 CROISSANT, TABLE = "croissant.json", "episodes.csv"
 FILES = (README, CONFIG_FILE, CROISSANT, TABLE, SHEET, OUTCOMES, MEASURES)
-"""All that a card consists of."""
+"""All files of a card."""
 SUFFIX = ".card"
-"""Ends the name of a card's folder beside its store."""
+"""Suffix of the name of a card's folder next to its store."""
 _SHOWN = 6
 """Episodes of the contact sheet."""
 _TAGS = (
@@ -47,7 +47,7 @@ _TAGS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
-    """What was written."""
+    """A card that was written."""
 
     path: str
     """The folder."""
@@ -67,19 +67,19 @@ def write_card(
 ) -> Card:
     """Describe a store: a README for the Hub, Croissant, the episodes as a table, and figures.
 
-    What is written follows from the store and the arguments alone. The store is only read.
+    The output depends only on the store and the arguments. The store is only read.
 
     Args:
         path: The store.
-        out: The folder to write to; ``<store>.card`` beside the store if it is None.
-        publication: What the publisher says.
+        out: The folder to write to; ``<store>.card`` next to the store if it is None.
+        publication: The facts that the publisher states.
         force: Replace files that a person wrote or changed.
 
     Raises:
         StoreMismatchError: if there is no store.
-        UsageError: for a store without episodes, a folder that cannot be used, or files in it that
-            no card has written.
-        StoreError: if the store is damaged, or the disk lets nothing be written.
+        UsageError: for a store without episodes, a folder that cannot be used, or a folder with
+            files that no card has written.
+        StoreError: if the store is damaged, or nothing can be written to the disk.
     """
     dataset, store = Dataset.open(path), locate(path)
     folder = store.with_name(store.name + SUFFIX) if out is None else out
@@ -158,7 +158,7 @@ def _describe(
         " behind it."
     )
     stated = str(attributes.get("license", "")).lower()
-    # Users' meshes are part of such a store, and nobody has said whose they are.
+    # Such a store contains users' meshes, whose licence is not known.
     own = stated if stated in LICENCES and not config.object_folders else UNKNOWN
     return Described(
         name=publication.name or _text(store.name.removesuffix(".zarr") or store.name),
@@ -174,12 +174,12 @@ def _describe(
 
 
 def _below(store: Path, folder: Path) -> str:
-    """Return where the store lies from the card: in its folder, unless it is elsewhere."""
+    """Return the store's path relative to the card's folder, or its name if it is not inside."""
     here = locate(folder)
     path = store.relative_to(here).as_posix() if here in store.parents else store.name
     return _text(path)
 
 
 def _text(path: str) -> str:
-    """Return a path as text that can be written down, whatever bytes are in it."""
+    """Return a path as text that can be encoded; bytes that are not valid text become ``?``."""
     return path.encode(errors="replace").decode()

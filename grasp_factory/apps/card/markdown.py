@@ -1,4 +1,4 @@
-"""Markdown from data: words, tables and blocks that stay what they are, whatever is in them."""
+"""Markdown from data: words, tables and blocks, with all markup in the data escaped."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from grasp_factory.core.text_format import escaped
 
 _PLAIN = re.compile(r"[A-Za-z0-9_./-]+(?: [A-Za-z0-9_./-]+)*")
 _SPECIAL = frozenset("\\`*_[]<>#|&~$!@^:")
-"""What Markdown, HTML or the renderers' extras give a meaning."""
+"""Characters that have a meaning in Markdown, HTML or the renderers' extensions."""
 
 
 def word(text: str) -> str:
-    """Return a text as code, also where a table is cut at its bars.
+    """Return a text as code that is also safe in a cell of a table.
 
-    Backslashes do not do between backticks, so whatever is not plain becomes HTML.
+    Backslashes do not escape between backticks, so a text that is not plain becomes HTML.
     """
     if _PLAIN.fullmatch(text):
         return f"`{text}`"
@@ -24,7 +24,7 @@ def word(text: str) -> str:
 
 
 def escape(text: str) -> str:
-    """Return a text as running text of one line in which nothing is markup."""
+    """Return a text as normal text of one line in which nothing is markup."""
     return "".join(_entity(c) if c in _SPECIAL else c for c in _visible(text))
 
 
@@ -33,8 +33,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], right: Iterable
 
     Args:
         head: Titles.
-        rows: Cells, Markdown already: ``word`` and ``escape`` make it of data.
-        right: Positions.
+        rows: Cells in Markdown, which ``word`` and ``escape`` make from data.
+        right: Positions of columns, from 0.
     """
     flush = set(right)
     rule = ["---:" if i in flush else "---" for i in range(len(head))]
@@ -51,12 +51,12 @@ def fenced(text: str, language: str) -> str:
 
 
 def details(summary: str, body: str) -> str:
-    """Return a block that is folded up until somebody opens it."""
+    """Return a block that is collapsed until the reader opens it."""
     return f"<details>\n<summary>{summary}</summary>\n\n{body}\n\n</details>"
 
 
 def _visible(text: str) -> str:
-    """Return a text of one line: what cannot be printed is spelled out."""
+    """Return a text as one line; characters that cannot be printed become escapes."""
     return escaped(" ".join(text.split()))
 
 

@@ -1,4 +1,4 @@
-"""What the label asks for and what outcomes mean, in words and with a dataset's own thresholds."""
+"""The label's conditions and the outcomes' meanings in words, with a dataset's own thresholds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MEANINGS: Mapping[Outcome, str] = {
 
 
 def label_conditions(config: FactoryConfig) -> Iterator[str]:
-    """Give each condition of a config's label."""
+    """Yield each condition of a config's label."""
     label, motion = config.label, config.motion
     yield (
         f"after a lift of {motion.lift_height:g} m and a hold of {motion.hold_s:g} s both pads"
@@ -44,5 +44,5 @@ def label_conditions(config: FactoryConfig) -> Iterator[str]:
 
 
 def thresholds_text(thresholds: Mapping[str, Any]) -> str:
-    """Return an added label's thresholds in a line, those that ask for nothing left out."""
+    """Return an added label's thresholds in one line, without those that are None."""
     return ", ".join(f"{key} {value:g}" for key, value in thresholds.items() if value is not None)

@@ -1,4 +1,4 @@
-"""What a publisher says of a dataset, which the store does not know."""
+"""Facts that a publisher states about a dataset and that are not in the store."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ FIRST_VERSION = "1.0.0"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Publication:
-    """How a dataset is published; what is None is left to the store or left out.
+    """How a dataset is published; None means the store's value, or no value.
 
     Raises:
-        UsageError: for a value that no card may have.
+        UsageError: for a value that is invalid in a card.
     """
 
     name: str | None = None
-    """Its title; the store's name if there is none."""
+    """Its title; None for the store's name."""
     description: str | None = None
-    """Markdown that comes first; a sentence from the store's config if there is none."""
+    """Markdown below the title; None for a sentence from the store's config."""
     licence: str | None = None
-    """An identifier of the Hub's; what the store says if there is none."""
+    """One of the Hub's identifiers; None for the licence that the store states."""
     url: str | None = None
-    """Its page."""
+    """Its web page."""
     date_published: str | None = None
     """YYYY-MM-DD."""
     version: str = FIRST_VERSION

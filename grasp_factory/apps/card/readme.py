@@ -1,4 +1,4 @@
-"""The card for people, and for the Hub: Markdown under a front matter of YAML."""
+"""The card for people and for the Hub: Markdown with a YAML front matter."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from grasp_factory.writers.zarr.header import SOURCES
 CONFIG_FILE = "config.yaml"
 SHEET, OUTCOMES, MEASURES = (f"figures/{name}.png" for name in ("sheet", "outcomes", "measures"))
 MOST_ROWS = 30
-"""Of a table of words or reasons."""
+"""Maximum rows of a table of words or reasons."""
 _SIZES = ("1K", "10K", "100K", "1M", "10M", "100M", "1B", "10B")
-"""Where the Hub's categories of size begin and end."""
+"""The limits of the Hub's size categories."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
-    """What the card is made from."""
+    """The data that the card is made from."""
 
     described: Described
     facts: CardFacts
     config: FactoryConfig
     attributes: Mapping[str, Any]
-    """The root's of the store."""
+    """The attributes of the store's root group."""
     arrays: tuple[Mapping[str, Any], ...]
     """Path, shape, dtype and units of each array of the store."""
     store: str
-    """Where the store lies, from the folder of the card."""
+    """Path of the store, relative to the folder of the card."""
     table: str
     """The name of the file with the episodes."""
 
@@ -62,7 +62,7 @@ def readme(contents: Contents) -> str:
 
 
 def front_matter(contents: Contents) -> str:
-    """Return the metadata that the Hub reads, between its rules."""
+    """Return the metadata that the Hub reads, between lines of dashes."""
     data_files = [{"split": RECORDS, "path": contents.table}]
     metadata = {
         "license": contents.described.licence,
@@ -77,7 +77,7 @@ def front_matter(contents: Contents) -> str:
 
 
 def size_category(episodes: int) -> str:
-    """Return the Hub's word for a number of examples."""
+    """Return the Hub's size category for a number of examples."""
     place = len(str(episodes)) - 4
     return "n<1K" if place < 0 else f"{_SIZES[place]}<n<{_SIZES[place + 1]}"
 

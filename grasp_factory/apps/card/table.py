@@ -1,4 +1,4 @@
-"""The episodes as one table: a column for each column of the store with one value a row."""
+"""The episodes as one table: a column for each column of the store that has one value per row."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from grasp_factory.core.schema import Field
 NOT_IN_TABLE = frozenset(
     f"episodes/{name}" for name in ("status", "checksum", "fingerprint", "spec", "error")
 )
-"""Columns that say nothing of an episode that was made, or that are too long for a table."""
+"""Columns that say nothing about a committed episode, or that are too long for a table."""
 _CHUNK = 4096
-"""Rows that are Python's objects at a time."""
+"""Number of rows that are converted to Python objects at a time."""
 
 
 class Kind(Enum):
-    """What the values of a column are; the values are Croissant's names."""
+    """The type of a column's values; the enum's values are Croissant's names."""
 
     BOOLEAN = "sc:Boolean"
     INTEGER = "sc:Integer"
@@ -39,12 +39,12 @@ class TableColumn:
     kind: Kind
     description: str
     values: NDArray[Any]
-    """(n,), of the n committed rows; codes where there are words."""
+    """(n,), of the n committed rows; codes if ``words`` is not empty."""
     words: tuple[str, ...] = ()
-    """For codes: the word whose position is the value."""
+    """For codes: the word of each code, by position."""
 
     def cells(self, start: int, stop: int) -> list[bool | int | float | str]:
-        """Return some of its values; an empty text for a code without a word."""
+        """Return the values of some rows; an empty text for a code without a word."""
         values = self.values[start:stop].tolist()
         if self.words:
             known = len(self.words)
@@ -75,10 +75,10 @@ def kind_of(field: Field) -> Kind:
 
 
 def write_table(file: Path, columns: Sequence[TableColumn]) -> None:
-    """Write the table as CSV, UTF-8, a line of names first.
+    """Write the table as CSV in UTF-8, with the column names in the first line.
 
-    Floats are the shortest texts that give the same bits again; all texts are in quotes, for a
-    name may hold what ends a line.
+    Floats are the shortest texts that parse to the same bits. All texts are in quotes, because a
+    name may contain a line break.
     """
     with file.open("w", encoding="utf-8", newline="") as out:
         writer = csv.writer(out, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
