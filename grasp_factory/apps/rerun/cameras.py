@@ -1,4 +1,4 @@
-"""What the cameras saw: images under a pinhole, and the points that they make together."""
+"""Logging what the cameras saw: images under a pinhole, and the point clouds of all cameras."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from grasp_factory.signals.point_cloud import PointCloud
 CAMERAS = "world/cameras"
 CLOUD = "world/cloud"
 MOST_POINTS = 100_000
-"""Of a cloud; the depth images have the others."""
+"""Maximum points of a cloud; the depth images contain the others."""
 IMAGE_PLANE_M = 0.15
-"""How far in front of a camera its image is shown."""
+"""Distance in front of a camera at which its image is shown."""
 PNG = "image/png"
 
 
@@ -34,12 +34,12 @@ def log_labels(recording: rr.RecordingStream, objects: int) -> None:
 
 
 def log_cameras(recording: rr.RecordingStream, episode: Episode, times: Sequence[float]) -> None:
-    """Log the images before, and after where there was an attempt, and the videos.
+    """Log the videos, the images before the attempt and, if the arm moved, those after it.
 
     Args:
-        recording: Where to.
-        episode: Theirs.
-        times: Of the images, s: one or two.
+        recording: The recording to log to.
+        episode: The episode of the images.
+        times: Times of the images, s: one or two.
     """
     for name, frames in episode.cameras.items():
         entity = f"{CAMERAS}/{name}"
@@ -59,7 +59,7 @@ def log_cameras(recording: rr.RecordingStream, episode: Episode, times: Sequence
 def log_clouds(
     recording: rr.RecordingStream, clouds: Sequence[PointCloud], times: Sequence[float]
 ) -> None:
-    """Log the points that all cameras saw together, in their colours, at some times (s)."""
+    """Log the point clouds of all cameras together, in their colours, at some times (s)."""
     for cloud, time in zip(clouds, times, strict=True):
         step = max(1, -(-len(cloud) // MOST_POINTS))
         recording.send_columns(
@@ -74,7 +74,7 @@ def log_clouds(
 def _camera_motion(
     episode: Episode, name: str, frames: CameraFrames, times: Sequence[float]
 ) -> tuple[list[rr.TimeColumn], rr.ComponentColumnList]:
-    """Return where a camera was, as columns: one on the hand moves with the records."""
+    """Return a camera's poses over time as columns; a camera on the hand moves with the records."""
     config, stamps = episode.spec.cameras[name], np.array(times)
     places = frames.T_world_camera[: len(times)]
     if config.mount is Mount.TCP and episode.n_steps:
@@ -104,7 +104,7 @@ def _log_images(
 def _pictures(
     episode: Episode, name: str, frames: CameraFrames, times: Sequence[float]
 ) -> tuple[list[float], list[NDArray[np.uint8]]]:
-    """Return times (s) and RGB images of a camera, those of its video among them, in order."""
+    """Return times (s) and RGB images of a camera in order, including those of its video."""
     stamps, images = list(times), list(frames.rgb[: len(times)])
     if episode.videos:
         stamps[1:1] = episode.videos["timestamp"].tolist()
@@ -118,7 +118,7 @@ def _log_rgb(
     times: Sequence[float],
     images: Sequence[NDArray[np.uint8]],
 ) -> None:
-    """Log images without loss, as PNG: a tenth of their size."""
+    """Log images without loss, as PNG, which takes a tenth of their size."""
     files = []
     for image in images:
         ok, data = cv2.imencode(".png", image[..., ::-1])

@@ -15,14 +15,14 @@ SHOWN = (
     *("joint_positions", "gripper_width", "pad_force", "wrist_force", "imu_specific_force"),
     "object_height",
 )
-"""Curves that are seen at first; the others are behind tabs."""
+"""Curves that are shown at first; the others are in other tabs."""
 PLOTS_AT_ONCE = 3
 EYE, TARGET = (1.5, -1.1, 0.8), (0.4, 0.0, 0.25)
-"""From where the scene is seen at first, metres: robot and workspace fill the view."""
+"""Initial position and target of the view, metres: robot and workspace fill the view."""
 
 
 def blueprint(cameras: Sequence[str], groups: Sequence[CurveGroup]) -> rrb.Blueprint:
-    """Return the layout: scene and images on the left, curves on the right, words below."""
+    """Return the layout: scene and images on the left, curves on the right, text below."""
     hidden = [f"- /{CAMERAS}/{name}/{kind}/**" for name in cameras
               for kind in ("depth", "segmentation")]  # fmt: skip
     scene = rrb.Spatial3DView(
@@ -68,7 +68,7 @@ def _parts(curves: Sequence[CurveGroup]) -> list[Sequence[CurveGroup]]:
 
 
 def _images(cameras: Sequence[str]) -> rrb.Container:
-    """Return a tab for each camera, with what it saw side by side."""
+    """Return a tab for each camera, with its images side by side."""
     return rrb.Tabs(
         *(
             rrb.Horizontal(

@@ -1,6 +1,6 @@
-"""What moves: the robot by its joints, and the objects, as they were recorded.
+"""Logging the recorded motion of the robot's joints and of the objects.
 
-A robot or an object whose shape PyBullet ships is left out where PyBullet is not installed.
+If PyBullet is not installed, robots and objects whose shapes come with PyBullet are left out.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def _log_joints(
 def log_objects(
     recording: rr.RecordingStream, episode: Episode, track: Track, folder: Path
 ) -> None:
-    """Log every object's shape and motion, under its word in the segmentation."""
+    """Log every object's shape and motion, under its name in the segmentation."""
     words = label_names(len(episode.spec.objects))[Label.TARGET :]
     for m, (word, recipe) in enumerate(zip(words, episode.spec.objects, strict=True)):
         entity = f"{OBJECTS}/{word}"

@@ -1,4 +1,4 @@
-"""Putting a stored attempt into a Rerun recording."""
+"""Writing a stored attempt as a Rerun recording."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ APPLICATION = "grasp_factory"
 
 
 def write_recording(dataset: Dataset, index: int, out: Path) -> None:
-    """Write all that is stored of an attempt as a Rerun recording.
+    """Write all stored data of an attempt as a Rerun recording.
 
     Args:
-        dataset: Where it is.
-        index: Of the episode, which the store has.
-        out: Ends in .rrd; a recording that is there is replaced.
+        dataset: The dataset with the attempt.
+        index: Index of the episode, which must be in the store.
+        out: Output file, ending in .rrd; an existing recording is replaced.
 
     Raises:
-        UsageError: if that is no place for a recording.
-        StoreError: if the episode is quarantined or cannot be read, or the file not be written.
-        RecipeError: if an object of the episode is not there any more.
+        UsageError: if a recording may not be written to ``out``.
+        StoreError: if the episode is quarantined or cannot be read, or the file cannot be written.
+        RecipeError: if an object of the episode does not exist any more.
     """
     check_out(out, [RRD])
     episode = dataset[index]

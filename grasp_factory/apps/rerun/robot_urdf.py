@@ -1,4 +1,4 @@
-"""URDF files as Rerun's loader takes them: meshes by absolute path, and only what is seen."""
+"""URDF files for Rerun's loader: absolute paths of meshes, and only what is visible."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def log_urdf(
     """Log the links of a URDF file, with frames named ``<entity>/<link>``; return it.
 
     Args:
-        recording: Where to.
-        path: The file.
-        folder: Where a file for the loader may be put.
-        entity: A word, below which they are found.
+        recording: The recording to log to.
+        path: The URDF file.
+        folder: Folder in which a file for the loader may be written.
+        entity: Name of the entity that contains the links.
         color: RGB, 0 to 1, instead of the file's.
     """
     file = folder / f"{entity}.urdf"
@@ -44,10 +44,9 @@ def log_urdf(
 
 
 def seen_urdf(path: Path, color: Sequence[float] | None = None) -> bytes:
-    """Return a URDF file with absolute mesh names and without what is not seen.
+    """Return a URDF file with absolute mesh paths and only the elements that are visible.
 
-    A link is seen as the shape that collides where its mesh belongs to a package that is not
-    installed.
+    If a link's mesh belongs to a package that is not installed, its collision shape is shown.
     """
     robot = ElementTree.parse(path).getroot()
     for link in robot.findall("link"):
@@ -63,7 +62,7 @@ def seen_urdf(path: Path, color: Sequence[float] | None = None) -> bytes:
 
 
 def _show_collisions_for_missing(link: Element, folder: Path) -> None:
-    """Draw a link by its collision shapes, in its colour, where a mesh to draw is not there."""
+    """Show a link by its collision shapes, in its colour, if a visual mesh is missing."""
     visuals = link.findall("visual")
     meshes = [mesh.get("filename", "") for visual in visuals for mesh in visual.iter("mesh")]
     if all(_found(name, folder).is_file() for name in meshes):
@@ -85,7 +84,7 @@ def _paint(visual: Element, color: Sequence[float]) -> None:
 
 
 def _found(name: str, folder: Path) -> Path:
-    """Return a mesh's file as the physics engine finds it."""
+    """Return the path of a mesh's file, by the same rules as the physics engine."""
     for package, place in (package_folders() | {SCHEME: folder}).items():
         if name.startswith(package):
             return place / name.removeprefix(package)

@@ -1,4 +1,4 @@
-"""What stands still, or is drawn to help the eye: table, grasp, the way of the hand."""
+"""Logging the table and visual aids: the grasp and the path of the hand."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from grasp_factory.core.workspace import TABLE_CENTER_XY, TABLE_SIZE
 GRASP = "world/grasp"
 TCP = "world/tcp"
 STEM = 0.08
-"""Metres of a grasp that are drawn along its approach."""
+"""Length in metres of the arrow along a grasp's approach."""
 MAGENTA = (255, 0, 255)
 AXIS = 0.05
-"""Metres of the axes of the hand."""
+"""Length in metres of the axes of the hand."""
 
 
 def log_scenery(recording: rr.RecordingStream, episode: Episode) -> None:
-    """Log the table's box, the executed (else first planned) grasp, and the way of the TCP."""
+    """Log the table's box, the executed (or else first planned) grasp, and the path of the TCP."""
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     center = (*TABLE_CENTER_XY, -TABLE_SIZE[2] / 2.0)
     color = [round(255 * value) for value in episode.spec.surroundings.table.color]
     table = rr.Boxes3D(sizes=[TABLE_SIZE], centers=[center], colors=[color])
     recording.log("world/table", table, static=True)
     columns = episode.columns
-    if np.linalg.norm(columns["grasp_quat_xyzw"]) > 0.0:  # never true of NaN
+    if np.linalg.norm(columns["grasp_quat_xyzw"]) > 0.0:  # false for NaN
         _log_grasp(recording, columns["grasp_position"], columns["grasp_quat_xyzw"],
                    float(columns["grasp_width"]))  # fmt: skip
     if episode.n_steps:

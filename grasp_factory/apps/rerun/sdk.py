@@ -1,4 +1,4 @@
-"""The Rerun SDK itself: whether it is there, what its files are called, and its viewer."""
+"""The Rerun SDK itself: whether it is installed, the names of its files, and its viewer."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ RRD = FileKind(what="a Rerun recording", suffix=".rrd", magic=b"RRF")
 
 
 def require_rerun() -> None:
-    """Check that the Rerun SDK is there.
+    """Check that the Rerun SDK is installed.
 
     Raises:
-        UsageError: if it is not, with how to install it.
+        UsageError: if it is not; the message says how to install it.
     """
     require("rerun", extra="rerun")
 
 
 def default_file(store: Path, index: int) -> Path:
-    """Return the name, in the current folder, of an episode's recording."""
+    """Return the default file of an episode's recording, in the current folder."""
     return Path(f"{store.resolve().name.removesuffix('.zarr')}-{index}.rrd")
 
 
 def open_viewer(file: Path) -> None:
     """Show a recording in the Rerun viewer and wait until its window is closed.
 
-    The viewer gets empty folders for its settings, in which its usage statistics are off: it would
-    send them otherwise. The user's own settings are neither read nor written.
+    The viewer gets empty settings folders in which its usage statistics are off, because it sends
+    them by default. The user's own settings are neither read nor written.
 
     Raises:
-        UsageError: if the SDK is not there.
+        UsageError: if the SDK is not installed.
         GraspFactoryError: if the viewer cannot run here.
     """
     with tempfile.TemporaryDirectory() as home, contextlib.suppress(KeyboardInterrupt):
@@ -57,17 +57,17 @@ def open_viewer(file: Path) -> None:
 
 
 def viewer_environment(home: Path) -> dict[str, str]:
-    """Return the environment in which the viewer keeps all that it keeps below a folder."""
+    """Return an environment in which the viewer writes all its files below ``home``."""
     kept = {key: value for key, value in os.environ.items() if key not in _FORCES_STATISTICS}
     places = {f"XDG_{kind}_HOME": str(home / kind.lower()) for kind in ("CONFIG", "DATA", "CACHE")}
     return {**kept, **places}
 
 
 def viewer() -> Path:
-    """Return the viewer's program.
+    """Return the path of the viewer's program.
 
     Raises:
-        UsageError: if the SDK is not there.
+        UsageError: if the SDK is not installed.
     """
     require_rerun()
     spec = find_spec("rerun_cli")

@@ -1,4 +1,4 @@
-"""What was measured over time: scalars group by group, and the phases of the attempt."""
+"""Logging measurements over time: groups of scalars, and the phases of the attempt."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLORS = (
     *((0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233)),
     *((213, 94, 0), (120, 120, 120), (240, 228, 66)),
 )
-"""Of the curves of a group, in turn: Okabe and Ito's, which the colour-blind tell apart."""
+"""Colours of a group's curves, in turn: Okabe and Ito's, which colour-blind people distinguish."""
 
 
 def log_series(

@@ -1,4 +1,4 @@
-"""An episode in words: what it was, how it ended, what was measured."""
+"""An episode as text: its outcome, its object and policy, and its measurements."""
 
 from __future__ import annotations
 
