@@ -1,7 +1,8 @@
-"""Playing back a stored attempt: its recorded motion, seen by any camera, frame by frame.
+"""Playing back a stored attempt: its recorded motion from any camera, frame by frame.
 
-Nothing is simulated. The robot takes the joint positions and the gripper width of the records, the
-objects their poses, so what is seen is what is stored, whatever machine or version made it.
+Nothing is simulated. The robot is set to the recorded joint positions and gripper width, and the
+objects to their recorded poses. So the images show what is stored, independent of the machine and
+the version that made it.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ from grasp_factory.simulation.world.posed import PosedWorld
 CAPTION = 28
 """Pixels below each frame for the caption."""
 END_S = 1.0
-"""Seconds for which the last frame stays: of an attempt that ended before the arm moved, all."""
+"""Seconds for which the last frame stays; the whole video if the arm did not move."""
 MOST_FRAMES = 20_000
 FREE_CAMERA_FOV_DEG = 36.0
 CLOSEST = 0.001
-"""Metres between such a camera and what it looks at."""
+"""Minimum distance in metres between a free camera and its target."""
 STEEP = 0.01
-"""Horizontal share of a view below which away from the robot is up, not the sky."""
+"""Horizontal share of a view below which up in the image is away from the robot (+x), not +z."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,10 +59,10 @@ class Pace:
                 raise UsageError(f"--{name} {value:g}: valid: {low:g} to {high:g}")
 
     def times(self, duration: float) -> list[float]:
-        """Return the attempt's time (s) at each frame; at the end, for ``END_S``, it stands still.
+        """Return the attempt's time (s) at each frame; the last time is repeated for ``END_S``.
 
         Raises:
-            UsageError: if they are more than ``MOST_FRAMES``.
+            UsageError: if there are more than ``MOST_FRAMES`` frames.
         """
         step = self.speed / self.fps
         moving, still = math.ceil(duration / step), max(1, round(END_S * self.fps))
@@ -74,10 +75,10 @@ class Pace:
 
 
 def stored_or_named_camera(spec: EpisodeSpec, name: str | None) -> CameraConfig:
-    """Return one of an episode's own cameras, else one of ``CAMERAS``; None for its first.
+    """Return the named camera of an episode or else of ``CAMERAS``; None for the episode's first.
 
     Raises:
-        UnknownNameError: naming all of them.
+        UnknownNameError: if there is no such camera; the message lists all names.
     """
     if name is None:
         return next(iter(spec.cameras.values()))
@@ -88,10 +89,10 @@ def stored_or_named_camera(spec: EpisodeSpec, name: str | None) -> CameraConfig:
 def free_camera(
     eye: tuple[float, float, float], target: tuple[float, float, float]
 ) -> CameraConfig:
-    """Return a camera that stands anywhere in the world, metres.
+    """Return a camera at any position in the world; ``eye`` and ``target`` are in metres.
 
     Raises:
-        UsageError: for a place that is too far away, or no direction.
+        UsageError: if a position is too far away, or both are the same.
     """
     view = np.subtract(target, eye)
     away = float(np.linalg.norm(view))
@@ -115,7 +116,7 @@ class View:
     camera: str | None = None
     """One of the episode's, or of ``CAMERAS``; None for the episode's first."""
     place: CameraConfig | None = None
-    """A camera of one's own, in place of those."""
+    """A free camera, instead of a named one."""
     resolution: tuple[int, int] | None = None
     """Width and height, pixels; None for that of the episode's images."""
     pace: Pace = Pace()
@@ -132,18 +133,18 @@ class View:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VideoPlan:
-    """A video that can be made."""
+    """A video that is checked and can be made."""
 
     dataset: Dataset
     episode: Episode
     out: Path
     camera: CameraConfig
     resolution: tuple[int, int]
-    """Of what the camera sees."""
+    """Width and height of the camera's image, pixels, without the caption."""
     caption: bool
     pace: Pace
     times: tuple[float, ...]
-    """The attempt's at each frame, s."""
+    """The attempt's time at each frame, s."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -176,7 +177,7 @@ class Playback:
 
         Raises:
             RecipeError: if an object cannot be loaded.
-            UnknownNameError: if the recipe names what the tables do not have.
+            UnknownNameError: if the recipe contains an unknown name.
         """
         self._episode = episode
         self.track = Track.of(episode)
@@ -186,7 +187,7 @@ class Playback:
         self._scene: Scene = build_scene(world, spec)
 
     def render(self, time: float) -> tuple[Camera, Render]:
-        """Return what the camera sees at a time (s) since the arm started, and its place then."""
+        """Return the camera with its pose and its image at a time (s) since the arm started."""
         posture, robot = self.track.at(time), self._scene.robot
         self._world.place_joints(robot.body, robot.arm, posture.joint_positions.tolist())
         self._world.place_joints(robot.body, robot.fingers, [posture.gripper_width / 2.0] * 2)
@@ -196,7 +197,7 @@ class Playback:
         return render_cameras(self._scene)["view"]
 
     def frames(self, times: Iterable[float]) -> Iterator[tuple[float, BgrImage]]:
-        """Yield time (s) and picture, BGR, of every frame; one that stands still is drawn once."""
+        """Yield time (s) and BGR image of every frame; repeated times are rendered only once."""
         shown: tuple[float, BgrImage] | None = None
         for time in times:
             if shown is None or shown[0] != time:
@@ -208,7 +209,7 @@ class Playback:
 def captioned(image: BgrImage, episode: Episode, time: float, speed: float) -> BgrImage:
     """Return a frame with a strip below: outcome, time, phase, and what is grasped.
 
-    What does not fit is cut off at the right.
+    Text that does not fit is cut off at the right.
     """
     strip: BgrImage = np.full((CAPTION, image.shape[1], 3), painting.PAPER, np.uint8)
     middle, color = CAPTION // 2, painting.GREEN if episode.success else painting.RED
@@ -227,16 +228,16 @@ def captioned(image: BgrImage, episode: Episode, time: float, speed: float) -> B
 
 
 def plan_video(dataset: Dataset, index: int, out: Path, view: View) -> VideoPlan:
-    """Check that a stored attempt can be shown like this, and return what there is to do.
+    """Check that the video of a stored attempt can be made, and return its plan.
 
     Args:
-        dataset: Where it is.
-        index: Of the episode, which the store has.
-        out: Ends in .mp4 or .gif; a video that is there is replaced.
-        view: How it is seen.
+        dataset: The dataset with the attempt.
+        index: Index of the episode, which must be in the store.
+        out: Output file, ending in .mp4 or .gif; an existing video is replaced.
+        view: How the attempt is shown.
 
     Raises:
-        UsageError: for a video that cannot be.
+        UsageError: if the video cannot be made.
         StoreError: if the episode is quarantined or cannot be read.
     """
     pace = dataclasses.replace(view.pace, fps=nearest_fps(out, view.pace.fps))
@@ -256,10 +257,10 @@ def plan_video(dataset: Dataset, index: int, out: Path, view: View) -> VideoPlan
 
 
 def write_video(plan: VideoPlan, on_frame: Callable[[], None] = lambda: None) -> WrittenVideo:
-    """Write the video of a stored attempt, calling ``on_frame`` after each of its frames.
+    """Write the video of a stored attempt, and call ``on_frame`` after each frame.
 
     Raises:
-        StoreError: if it cannot be written, or what the store carries is damaged.
+        StoreError: if it cannot be written, or data embedded in the store are damaged.
         RecipeError: if an object of the episode cannot be loaded.
     """
     embedded_assets.unpack(plan.dataset.path, plan.dataset.config)

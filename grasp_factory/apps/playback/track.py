@@ -1,4 +1,4 @@
-"""The recorded motion of an attempt: where robot and objects are at any time of it."""
+"""The recorded motion of an attempt: the positions of robot and objects at any time."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Track:
 
     @classmethod
     def of(cls, episode: Episode) -> Track:
-        """Return an episode's motion: home and the objects' rest, then its records."""
+        """Return an episode's motion: home and the objects' rest poses first, then its records."""
         model, streams = lookup(ROBOTS, "robot", episode.spec.robot), episode.streams
         return cls(
             np.concatenate([[0.0], streams["timestamp"]]),
@@ -55,7 +55,7 @@ class Track:
         return float(self.timestamp[-1])
 
     def at(self, time: float) -> Posture:
-        """Return where everything is at a time (s), between two records on the way."""
+        """Return the posture at a time (s), interpolated between two records."""
         last = len(self.timestamp) - 1
         i = min(max(int(np.searchsorted(self.timestamp, time, "right")) - 1, 0), max(last - 1, 0))
         j = min(i + 1, last)
@@ -73,7 +73,7 @@ def _between(a: Array, b: Array, share: float) -> Array:
 
 
 def _poses_between(a: Array, b: Array, share: float) -> Array:
-    """Return poses (M, 7) a share of the way from one to the next, which is not far."""
+    """Return poses (M, 7) interpolated between ``a`` and ``b``, which must be close together."""
     same_side = np.where((a[:, 3:] * b[:, 3:]).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     quats = _between(a[:, 3:], b[:, 3:] * same_side, share)
     quats /= np.linalg.norm(quats, axis=1, keepdims=True)
@@ -81,7 +81,7 @@ def _poses_between(a: Array, b: Array, share: float) -> Array:
 
 
 def phase_at(episode: Episode, time: float) -> str:
-    """Return the word of the phase that an attempt is in at a time (s); empty if it has none."""
+    """Return the name of an attempt's phase at a time (s); empty if it has no records."""
     if not episode.n_steps:
         return ""
     i = int(np.searchsorted(episode.streams["timestamp"], time))

@@ -18,16 +18,16 @@ MP4 = FileKind(what="an MP4 video", suffix=".mp4", magic=b"ftyp", offset=4)
 GIF = FileKind(what="a GIF animation", suffix=".gif", magic=b"GIF8")
 KINDS = (MP4, GIF)
 FASTEST_GIF = 50
-"""Frames per second: what shows GIFs slows those that are quicker down to ten."""
+"""Frames per second: viewers show faster GIFs at only ten."""
 GIF_COLORS = (cv2.IMWRITE_GIF_DITHER, 3)
-"""Colours of its own for each frame: a tenth of the error of OpenCV's default, in a third of the
+"""A separate palette for each frame: a tenth of the error of OpenCV's default, and a third of the
 bytes."""
 LARGEST_GIF = 2**30
-"""Bytes of all frames, which are in memory until it is written."""
+"""Maximum bytes of all frames, which are in memory until the file is written."""
 
 
 class FrameSink(Protocol):
-    """What takes the frames of a video, one after the other."""
+    """Receives the frames of a video, one after the other."""
 
     def add(self, image: BgrImage) -> None:
         """Append a frame, BGR (height, width, 3)."""
@@ -35,14 +35,14 @@ class FrameSink(Protocol):
 
 @contextlib.contextmanager
 def video_file(path: Path, size: tuple[int, int], fps: float, frames: int) -> Iterator[FrameSink]:
-    """Give what takes the frames of a video that is there, whole, when the block ends.
+    """Yield a sink for the frames of a video; the complete file exists when the block ends.
 
     Args:
-        path: Ends in .mp4 or .gif. A video that is there is replaced.
-        size: Width and height of each frame, pixels. MP4 has even ones only: an odd one
-            is shown a pixel larger, by its last row or column once more.
+        path: Output file, ending in .mp4 or .gif; an existing video is replaced.
+        size: Width and height of each frame, pixels. MP4 needs even sizes: an odd size
+            becomes one pixel larger, and the last row or column is repeated.
         fps: Frames per second; see ``nearest_fps``.
-        frames: How many there will be.
+        frames: Number of frames.
 
     Raises:
         UsageError: as ``check_video`` does.
@@ -63,16 +63,16 @@ def nearest_fps(path: Path, fps: float) -> float:
     """Return the rate nearest to ``fps`` that a file can have: GIFs count in hundredths of seconds.
 
     Raises:
-        UsageError: if that is no place for a video.
+        UsageError: if a video may not be written to ``path``.
     """
     return fps if check_out(path, KINDS) is MP4 else 100.0 / max(1, round(100.0 / fps))
 
 
 def check_video(path: Path, size: tuple[int, int], fps: float, frames: int) -> None:
-    """Check that a video of so many frames can be made there.
+    """Check that a video with this number of frames can be written to ``path``.
 
     Raises:
-        UsageError: if that is no place for a video, or a GIF would be too large or too quick.
+        UsageError: if a video may not be written there, or a GIF would be too large or too fast.
     """
     if check_out(path, KINDS) is MP4:
         return
@@ -86,7 +86,7 @@ def check_video(path: Path, size: tuple[int, int], fps: float, frames: int) -> N
 
 
 class _Mp4:
-    """An MP4 file (MPEG-4 part 2, which every OpenCV has), written as its frames come."""
+    """An MP4 file (MPEG-4 part 2, which every OpenCV has), written frame by frame."""
 
     def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
         self._path, self._pad = path, [(0, side % 2) for side in size[::-1]] + [(0, 0)]
@@ -102,10 +102,10 @@ class _Mp4:
         self._written += 1
 
     def finish(self) -> None:
-        """Write what is left, and check that it is all there: OpenCV says nothing of a full disk.
+        """Write the rest, and check that no frame is missing: OpenCV does not report a full disk.
 
         Raises:
-            OSError: if it is not.
+            OSError: if frames are missing.
         """
         self._writer.release()
         reader = cv2.VideoCapture(str(self._path))
@@ -115,7 +115,7 @@ class _Mp4:
             raise OSError(f"{found} of {self._written} frames arrived; is the disk full?")
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._writer.release()
 
 
@@ -127,7 +127,7 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[_Mp4]:
 
 
 class _Gif:
-    """A GIF file, which OpenCV writes at once."""
+    """A GIF file, which OpenCV writes in one call."""
 
     def __init__(self) -> None:
         self._frames: list[BgrImage] = []
