@@ -1,6 +1,6 @@
-"""Pictures of an episode's arrays, and the few shapes and letters a sheet is drawn with.
+"""Pictures of an episode's arrays, and the few shapes and letters in a sheet.
 
-Images are BGR uint8, as OpenCV wants them.
+Images are BGR uint8, as OpenCV expects them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GREEN: BgrColor = (78, 142, 40)
 RED: BgrColor = (52, 52, 200)
 GRASP_COLOR: BgrColor = (255, 0, 255)
 NOTHING: BgrColor = (70, 66, 64)
-"""Where a depth image sees nothing."""
+"""Colour of pixels where a depth image sees nothing."""
 
 LABEL_COLORS: dict[str, BgrColor] = {
     "background": (52, 48, 46),
@@ -35,17 +35,17 @@ LABEL_COLORS: dict[str, BgrColor] = {
     "gripper": (60, 176, 245),
     "target": (70, 60, 224),
 }
-"""By the words of ``Label``."""
+"""Colours by the names of ``Label``."""
 OTHER_COLORS: tuple[BgrColor, ...] = (
     (160, 176, 70),
     (176, 90, 150),
     (90, 200, 140),
     (200, 150, 220),
 )
-"""Objects beyond the target take these in turn."""
+"""Colours of the objects other than the target, in turn."""
 
 NEAR = 0.01
-"""Metres in front of the camera below which no grasp is drawn."""
+"""Minimum distance in metres from the camera at which a grasp is drawn."""
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -92,14 +92,14 @@ def depth_picture(depth: NDArray[np.float32], near: float, far: float, nothing: 
 def depth_span(
     depth: NDArray[np.float32], labels: NDArray[np.uint8], far: float | Array
 ) -> tuple[float, float]:
-    """Return the depths, metres, between which colours run: of the table and what lies on it.
+    """Return the range of depths, metres, for colours: that of the table and the objects on it.
 
-    Where neither is seen, they are those of all that is seen.
+    If neither is visible, it is the range of everything that is visible.
 
     Args:
         depth: of one image or more, (..., H, W), metres.
         labels: their segmentations, (..., H, W).
-        far: the depth from which on nothing is seen, metres; it must broadcast to ``depth``.
+        far: the depth from which nothing is visible, metres; it must broadcast to ``depth``.
     """
     is_seen = np.isfinite(depth) & (depth < far)
     of_interest = is_seen & ((labels == Label.TABLE) | (labels >= Label.TARGET))
@@ -130,10 +130,10 @@ def label_palette() -> BgrImage:
 
 
 def grasp_pixels(episode: Episode, frames: CameraFrames) -> Array | None:
-    """Return the pixels (4, 2) of a grasp, or None where nothing was planned.
+    """Return the pixels (4, 2) of a grasp; None if none was planned or it cannot be drawn.
 
-    They are left pad, right pad, TCP, and 5 cm back along the approach; the pads stand as far
-    apart as before closing.
+    They are left pad, right pad, TCP, and 5 cm back along the approach. The distance between the
+    pads is that before closing.
     """
     columns = episode.columns
     quat = columns["grasp_quat_xyzw"]
@@ -150,7 +150,7 @@ def grasp_pixels(episode: Episode, frames: CameraFrames) -> Array | None:
 
 
 def put_grasp(image: BgrImage, pixels: Array) -> None:
-    """Draw a grasp: a bar between the pads, a stem along the approach, both finely outlined."""
+    """Draw a grasp: a bar between the pads, a stem along the approach, both with a thin outline."""
     left, right, tcp, back = (tuple(int(v) for v in np.rint(p)) for p in pixels)
     for color, thickness in ((WHITE, 4), (GRASP_COLOR, 2)):
         cv2.line(image, left, right, color, thickness, cv2.LINE_AA)

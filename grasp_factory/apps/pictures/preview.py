@@ -1,4 +1,4 @@
-"""The preview: a grid of scenes before any grasp, to see in seconds what a config means."""
+"""The preview: a grid of scenes before any grasp, which shows in seconds what a config makes."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ TILE_WIDTH = 240
 CAPTION = 20
 """Pixels below each tile."""
 MOST = 400
-"""Scenes of a preview."""
+"""Maximum scenes of a preview."""
 SHAPE = 4 / 3
-"""Columns over rows, about."""
+"""Approximate ratio of columns to rows."""
 
 
 def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) -> BgrImage:
     """Return a grid of the first ``n`` scenes of a dataset, BGR, each with number and target.
 
-    The scenes are dropped and settled as for an attempt, and seen by the first camera. A scene
-    whose recipe cannot be built stays empty, with the reason below.
+    The objects are dropped and settle as for an attempt, and the first camera sees them. The tile
+    of a recipe that cannot be built stays empty, and its caption gives the reason.
 
     Raises:
-        UsageError: for a number of scenes that makes no picture.
-        UnknownNameError: if the config names what the tables do not have.
+        UsageError: if ``n`` is less than 1 or more than ``MOST``.
+        UnknownNameError: if the config contains an unknown name.
     """
     if not 1 <= n <= MOST:
         raise UsageError(f"{n} scenes: valid: 1 to {MOST}")

@@ -1,4 +1,4 @@
-"""The contact sheet: a picture with one row per episode, to see at a glance what was made."""
+"""The contact sheet: a picture with one row per episode, as a quick overview."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ MARGIN, GAP = 16, 6
 HEADER, CAPTION = 58, 34
 """Pixels above the first row, and above each row's panels."""
 WORTH_TELLING = 0.005
-"""Metres of lift."""
+"""Lift in metres above which a caption reports it."""
 DEFAULT, MOST = 12, 60
-"""Episodes of a sheet: without being told, and at most."""
+"""Default and maximum number of episodes on a sheet."""
 PNG = FileKind(what="a PNG image", suffix=".png", magic=b"\x89PNG\r\n\x1a\n")
 
 
@@ -40,19 +40,19 @@ def choose_episodes(success: NDArray[np.bool_], most: int = 12) -> NDArray[np.in
 def chosen(
     dataset: Dataset, indices: Sequence[int] | None, n: int | None, *, default: int, most: int
 ) -> list[int]:
-    """Return which episodes of a store a sheet shows.
+    """Return the indices of the episodes that a sheet shows.
 
     Args:
         dataset: The store.
         indices: Those to choose from, in the order in which they are shown; None for all that are
             committed.
-        n: How many at most, of both classes; None for all that ``indices`` names, and for
-            ``default`` without.
+        n: Maximum number, of both classes; None for all of ``indices``, or for ``default`` if
+            ``indices`` is None.
         default: See ``n``.
-        most: How many a sheet has room for.
+        most: Maximum number on a sheet.
 
     Raises:
-        UsageError: for an index that the store does not have, or more than there is room for.
+        UsageError: for an index that the store does not have, or for more episodes than ``most``.
     """
     room = (default if indices is None else most) if n is None else n
     if not 1 <= room <= most:
@@ -74,18 +74,18 @@ def chosen(
 def sheet_of(
     dataset: Dataset, indices: Sequence[int] | None, camera: str, n: int | None = None
 ) -> BgrImage:
-    """Return the sheet of a store's episodes; without ``indices``, of a choice of them.
+    """Return the sheet of a store's episodes; if ``indices`` is None, of a selection.
 
     Args:
         dataset: The store.
-        indices: Of the episodes, from the top.
-        camera: Whose images are shown.
-        n: How many at most, chosen from these.
+        indices: Indices of the episodes, from the top.
+        camera: The camera whose images are shown.
+        n: Maximum number of episodes, chosen from these.
 
     Raises:
         UsageError: for an index that the store does not have, a store without episodes, or more
-            than a sheet has room for.
-        StoreError: for an episode that is not made, or quarantined.
+            episodes than fit on a sheet.
+        StoreError: for an episode that is missing or quarantined.
     """
     rows = chosen(dataset, indices, n, default=DEFAULT, most=MOST)
     return draw_sheet([dataset[row] for row in rows], camera)
@@ -95,7 +95,7 @@ def draw_sheet(episodes: Sequence[Episode], camera: str) -> BgrImage:
     """Return the sheet, BGR: a caption and four panels for each episode.
 
     Raises:
-        UsageError: without episodes.
+        UsageError: if there are no episodes.
         UnknownNameError: for a camera that the episodes do not have.
     """
     if not episodes:
@@ -116,11 +116,11 @@ def draw_sheet(episodes: Sequence[Episode], camera: str) -> BgrImage:
 
 
 def check_png(path: Path) -> None:
-    """Check that a PNG image may be written there.
+    """Check that a PNG image may be written to ``path``.
 
     Raises:
-        UsageError: if the name does not end in .png, its folder does not exist, or something is
-            there that is no PNG image.
+        UsageError: if the name does not end in .png, its folder does not exist, or ``path``
+            exists and is not a PNG image.
     """
     check_out(path, [PNG])
 
@@ -140,10 +140,10 @@ def write_png(path: Path, image: BgrImage) -> None:
 
 
 def caption(episode: Episode) -> str:
-    """Return what stands beside an episode's outcome: what was grasped, how, and the figures."""
+    """Return the text next to an episode's outcome: index, object, policy and measurements."""
     spec, lift = episode.spec, episode.columns["lift_height"]
     words = [f"#{spec.index}", spec.objects[0].object_id, spec.policy]
-    if lift > WORTH_TELLING:  # never true of NaN
+    if lift > WORTH_TELLING:  # false for NaN
         words.append(f"lifted {100 * lift:.1f} cm")
     if episode.columns["collision_body"]:
         labels = label_names(len(spec.objects))
@@ -216,7 +216,7 @@ def _panels(
 
 
 def _fit(image: BgrImage, size: tuple[int, int], *, exact: bool = False) -> BgrImage:
-    """Scale an image; ``exact`` keeps its colours unmixed."""
+    """Scale an image; ``exact`` does not mix its colours."""
     shrinks = image.shape[1] >= size[0]
     how = cv2.INTER_NEAREST if exact else cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
     return np.asarray(cv2.resize(np.ascontiguousarray(image), size, interpolation=how), np.uint8)

@@ -18,21 +18,21 @@ from grasp_factory.errors import UsageError, lookup
 from grasp_factory.writers.zarr.writer import QUARANTINED
 
 DEFAULT, MOST = 60, 600
-"""Episodes of a sheet: without being told, and at most."""
+"""Default and maximum number of episodes on a sheet."""
 MOST_ACROSS = 50
 PANEL, SEAM = 159, 2
-"""Width of each of a tile's two images, and between them."""
+"""Width of each of a tile's two images, and of the gap between them, pixels."""
 WIDTH = 2 * PANEL + SEAM
 CAPTION = 38
-"""Pixels below them."""
+"""Height of the caption below them, pixels."""
 GAP = 6
 HEADER = 40
 SHAPE = 4 / 3
-"""Width over height of a sheet, about."""
+"""Approximate ratio of a sheet's width to its height."""
 TOGETHER = 32
-"""Episodes whose images are read at once."""
+"""Number of episodes whose images are read at once."""
 LETTERS = 52
-"""Of a caption's second line, which is as wide as a tile."""
+"""Maximum letters in a caption's second line, which is as wide as a tile."""
 
 
 def tiles_of(
@@ -47,14 +47,15 @@ def tiles_of(
     A quarantined episode has a tile without images that says why.
 
     Args:
-        dataset: Whose episodes they are.
-        indices: Theirs; None for a choice of all.
-        camera: Whose images are shown.
-        n: How many at most, chosen from these; None for all of them, and for ``DEFAULT`` without.
-        across: Tiles side by side; None for a sheet that is somewhat wider than high.
+        dataset: The dataset of the episodes.
+        indices: Indices of the episodes; None for a selection of all.
+        camera: The camera whose images are shown.
+        n: Maximum number, chosen from these; None for all of them, or for ``DEFAULT`` if
+            ``indices`` is None.
+        across: Number of tiles side by side; None for a sheet that is slightly wider than high.
 
     Raises:
-        UsageError: for an index that the store does not have, for nothing to draw, or too much.
+        UsageError: for an index that the store does not have, or for no or too many episodes.
         UnknownNameError: for a camera that the store does not have.
         StoreError: for an episode that is missing or damaged.
     """
@@ -85,7 +86,7 @@ def tiles_of(
 
 
 def grid(tiles: Sequence[BgrImage], columns: int) -> BgrImage:
-    """Return pictures of one size side by side, row by row."""
+    """Return one image with pictures of equal size in a grid, row by row."""
     height, width = tiles[0].shape[:2]
     rows = math.ceil(len(tiles) / columns)
     shape = (rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3)
@@ -116,7 +117,7 @@ def _captions(dataset: Dataset, rows: Sequence[int]) -> list[tuple[Outcome, str,
             dataset.value(row, name) for name in ("policy", "lift_height", "object_id")
         )
         words = [f"#{row}", str(policy)]
-        if lift > WORTH_TELLING:  # never true of NaN
+        if lift > WORTH_TELLING:  # false for NaN
             words.append(f"{100 * lift:.1f} cm")
         out.append((Outcome(int(dataset.value(row, "outcome"))), "  ".join(words), str(target)))
     return out

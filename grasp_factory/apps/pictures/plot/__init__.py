@@ -12,9 +12,9 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 
 SIZE = (1600, 1200)
-"""Pixels of a picture, width and height; letters and lines are made for this."""
+"""Width and height of a picture, pixels; letters and lines are designed for this size."""
 SMALLEST, LARGEST = 600, 8000
-"""Pixels that a side may have."""
+"""Minimum and maximum pixels of a side."""
 
 
 def plot_episode(
@@ -23,13 +23,13 @@ def plot_episode(
     """Return the picture of an episode, BGR, with width and height ``size``.
 
     Args:
-        dataset: Where it is.
-        index: Of the episode.
-        camera: Whose images stand at the side; None for the first.
-        size: Letters and lines grow with the side that has less room.
+        dataset: The dataset with the episode.
+        index: Index of the episode.
+        camera: The camera whose images are shown at the side; None for the first.
+        size: Pixels; letters and lines scale with the side that has less room.
 
     Raises:
-        UsageError: for an index or a size that is not valid, or without matplotlib.
+        UsageError: for an invalid index or size, or if matplotlib is not installed.
         UnknownNameError: for a camera that the store does not have.
         StoreError: for an episode that is missing or quarantined.
     """

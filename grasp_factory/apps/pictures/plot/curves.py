@@ -1,4 +1,4 @@
-"""Curves in a column over one time axis, with the phases behind them and moments marked."""
+"""Curves in a column over one time axis, with the phases behind them and marked moments."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ SHOWN = (
 )
 """Groups that are drawn, from the top."""
 FROM_ZERO = ("gripper_width", "pad_force", "object_height")
-"""Groups whose axis shows 0: small changes far from it are none to look at."""
+"""Groups whose axis includes 0, because small changes far from 0 do not matter."""
 SCALED = {"gripper_width": (1e3, "mm"), "object_height": (1e2, "cm")}
 UNITS = {"m/s2": "m/s²", "N m": "N·m"}
 MARKS, BAR, TITLE, TICKS = 34, 18, 24, 34
-"""Heights: of the marks' words, the phases' bar, a panel's title, the time axis' numbers."""
+"""Heights of the marks' words, the phases' bar, a panel's title, and the time axis' numbers."""
 UNITS_LEFT = 52
-"""How far left of their axis units stand."""
+"""Distance of the units from their axis, to the left."""
 LETTER = 6.6
-"""Pixels of a small letter, about."""
+"""Approximate width of a small letter, pixels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,13 +164,13 @@ def _marks(episode: Episode, moments: Sequence[Moment]) -> list[TimeMark]:
 
 
 def _wanted(episode: Episode, key: str) -> float | None:
-    """Return what success asks for of a group's values, or None for nothing."""
+    """Return the value that success requires of a group; None if it requires none."""
     label = episode.spec.label
     return {"object_height": label.min_lift, "pad_force": label.min_grip_force}.get(key)
 
 
 def _limits(clocks: Sequence[Array]) -> tuple[float, float]:
-    """Return when the axis begins and ends, which differ."""
+    """Return the first and the last time of the axis, s; they always differ."""
     times = np.concatenate(clocks)
     times = times[np.isfinite(times)]
     if not len(times):
@@ -180,7 +180,7 @@ def _limits(clocks: Sequence[Array]) -> tuple[float, float]:
 
 
 def _fitting(word: str, width: float) -> str:
-    """Return a word, or as much of it as there is room for."""
+    """Return a word, shortened if it is wider than ``width``."""
     room = int(width / LETTER)
     return word if len(word) <= room else f"{word[: room - 1]}." if room > 1 else ""
 

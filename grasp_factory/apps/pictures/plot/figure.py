@@ -24,9 +24,9 @@ from grasp_factory.signals.plot_series import curve_groups, touch_moments
 
 MARGIN, HEADING, FOOT = 24, 84, 30
 SIDE = 620
-"""Width of the images and the touch, at the right."""
+"""Width of the images and the touch maps, on the right."""
 AXIS = 64
-"""Room for the curves' numbers, left of them."""
+"""Width left of the curves for their axes' numbers."""
 NUMBERS = (
     ("lift_height", "lifted", 100.0, "cm", 1),
     ("slip_distance", "slipped", 1000.0, "mm", 1),
@@ -36,12 +36,12 @@ NUMBERS = (
     ("shake_level", "survived a shake of", 1.0, "g", 2),
     ("loss_time", "lost at", 1.0, "s", 2),
 )
-"""Columns that are told where they are more than 0: column, words, factor, unit, decimals."""
+"""Columns that are shown if they are more than 0: column, words, factor, unit, decimals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """What is drawn."""
+    """The episode that is drawn, and the facts of its store that are shown."""
 
     store: str
     """Name of the store."""
@@ -72,7 +72,7 @@ def figure_of(subject: Subject, size: tuple[int, int] = SIZE) -> Figure:
 
 
 def pixels_of(figure: Figure) -> NDArray[np.uint8]:
-    """Return what is drawn, (H, W, 3) RGB."""
+    """Return the pixels of a drawn figure, (H, W, 3) RGB."""
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
     drawn = canvas.buffer_rgba()  # type: ignore[no-untyped-call]
@@ -80,12 +80,12 @@ def pixels_of(figure: Figure) -> NDArray[np.uint8]:
 
 
 def facts(episode: Episode) -> list[str]:
-    """Return the measurements of an attempt in words; those that it has none of are left out."""
+    """Return the measurements of an attempt in words, without those that are missing or 0."""
     columns, spec = episode.columns, episode.spec
     words = []
     for column, what, factor, unit, decimals in NUMBERS:
         value = factor * float(columns.get(column, math.nan))
-        if value >= 0.5 * 10.0**-decimals:  # never true of NaN
+        if value >= 0.5 * 10.0**-decimals:  # false for NaN
             space = "" if unit == "°" else " "
             words.append(f"{what} {value:.{decimals}f}{space}{unit}")
     body = int(columns.get("collision_body", 0))

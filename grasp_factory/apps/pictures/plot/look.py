@@ -1,7 +1,7 @@
-"""The colours of a picture, and where things stand in it.
+"""The colours and the layout of a picture.
 
-The lines have the colours of Okabe and Ito, the phases Tol's pale ones: both are told apart by
-people who are colour-blind.
+The lines have the colours of Okabe and Ito, and the phases have Tol's pale colours. Colour-blind
+people can distinguish both.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Rect = tuple[float, float, float, float]
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, RED, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 LINES = (BLUE, RED, GREEN, ORANGE, PURPLE, SKY, BLACK)
-"""Curves of a group take these in turn."""
+"""Colours of a group's curves, in turn."""
 PHASES = {
     "pregrasp": "#DDDDDD",
     "approach": "#BBCCEE",
@@ -31,18 +31,18 @@ PHASES = {
 }
 INK, PALE, GRID = "#262830", "#6b7078", "#d9dce0"
 NOTHING = "#404246"
-"""Where a depth image sees nothing."""
+"""Colour of pixels where a depth image sees nothing."""
 GRASP = "#ff00ff"
 
 DPI = 100
-"""At which a picture's lengths are pixels."""
+"""Dots per inch at which a picture's lengths are pixels."""
 SMALL, NORMAL, LARGE = 8.0, 9.0, 14.0
-"""Points."""
+"""Font sizes in points."""
 
 
 @dataclass(frozen=True, slots=True)
 class PageLayout:
-    """A figure whose places are pixels from its upper left corner, before it is scaled."""
+    """A figure with positions in pixels from its upper left corner, before it is scaled."""
 
     figure: Figure
     width: float
@@ -71,7 +71,7 @@ class PageLayout:
         align: str = "left",
         room: float = math.inf,
     ) -> None:
-        """Write a line whose vertical middle is at ``top``, no wider than there is room for."""
+        """Write a line with its vertical middle at ``top``, shortened to at most ``room`` wide."""
         text = self.figure.text(
             left / self.width, 1.0 - top / self.height, drawable(words), color=color,
             fontsize=size, fontweight=weight, ha=align, va="center_baseline", parse_math=False,
@@ -94,7 +94,7 @@ def _letters() -> frozenset[int]:
 
 
 def bare(ax: Axes) -> None:
-    """Take ticks and frame from axes."""
+    """Remove ticks and frame from axes."""
     ax.set_xticks([])
     ax.set_yticks([])
     for spine in ax.spines.values():

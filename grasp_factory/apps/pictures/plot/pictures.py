@@ -18,9 +18,9 @@ from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array
 
 GAP, TITLE, BAR, LEGEND = 8, 20, 34, 40
-"""Between images; above them; below depth and segmentation."""
+"""Room between images, above them, and below depth and segmentation."""
 MOST_LABELS = 12
-"""In the legend, in two rows."""
+"""Maximum labels in the legend, in two rows."""
 WHEN = ("before", "after")
 
 
@@ -30,7 +30,7 @@ def draw_pictures(
     """Draw the images of a camera in two columns into a box: left, top, width.
 
     Returns:
-        Where they end.
+        Where they end, from the top of the page.
     """
     left, top, width = box
     frames = episode.cameras[camera]

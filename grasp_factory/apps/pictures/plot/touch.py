@@ -17,9 +17,9 @@ from grasp_factory.signals.plot_series import PADS, Moment, Series, pad_forces
 from grasp_factory.signals.touch import center_of_pressure, taxel_image
 
 COLUMNS = 6
-"""Taxels of a heat map side by side; there are as many rows as make them about square."""
+"""Taxels of a heat map side by side; the number of rows makes taxels about square."""
 TITLE, WORDS, TICKS, SCALE = 24, 36, 34, 62
-"""Room: for the heading, above a moment's maps, below them, right of them."""
+"""Room for the heading, above a moment's maps, below them, and right of them."""
 GAP, APART = 5, 16
 """Between the two pads of a moment, and between moments."""
 LEFT = 42
@@ -92,7 +92,7 @@ def _center(streams: Series, moment: Moment) -> Array:
 
 
 def _draw_pad(ax: Axes, image: Array, norm: Normalize, pad_size: tuple[float, float]) -> None:
-    half_width = 500.0 * pad_size[0] * COLUMNS / (COLUMNS - 1)  # the outer taxels' centres lie
+    half_width = 500.0 * pad_size[0] * COLUMNS / (COLUMNS - 1)  # the outer taxels' centres are
     half_height = 500.0 * pad_size[1] * len(image) / (len(image) - 1)  # on the pad's edges
     ax.imshow(
         image, origin="lower", cmap="magma", norm=norm, interpolation="nearest", aspect="auto",
