@@ -13,7 +13,6 @@ import click
 
 from grasp_factory.cli.params import STORE, Command, json_option, option, options, print_json
 from grasp_factory.cli.row_choice import IDS
-from grasp_factory.core.output_file import is_in_store
 from grasp_factory.errors import UsageError, shown
 
 _training = partial(option, heading="Training")
@@ -264,6 +263,8 @@ def _new_folder(out: Path) -> None:
     Raises:
         UsageError: if it is not empty, is inside a store, or cannot be made.
     """
+    from grasp_factory.core.output_file import is_in_store
+
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UsageError(f"{out} exists and is not an empty folder: choose another one with --out")
     if is_in_store(out):
