@@ -27,11 +27,11 @@ POPULATIONS: Mapping[str, str] = {
     ATTEMPTS: "all episodes in which a grasp was planned",
     LIFTS: "those of them that got to the lift: will what is in the hand stay there?",
 }
-"""Touch says something only where the gripper closed, so it is judged on those episodes, and what
-it is compared with is judged on the same."""
+"""Touch carries information only where the gripper closed. So predictors with touch, and those that
+they are compared with, are judged on these episodes."""
 ABLATION = "vision_lifts"
-"""A network of kind vision that learns from lifts alone: what ``both`` is but for touch. The plain
-``vision`` knows all attempts, whose share of successes is another."""
+"""A network of kind vision that learns from lifts alone: ``both`` without touch. The plain
+``vision`` learns from all attempts, which have another share of successes."""
 GAINS: Sequence[tuple[str, str, str]] = (
     (ATTEMPTS, "vision", "pose"),
     (LIFTS, "touch", ABLATION),
@@ -39,7 +39,7 @@ GAINS: Sequence[tuple[str, str, str]] = (
     (LIFTS, "both", "vision"),
     (LIFTS, "both", "touch"),
 )
-"""Population, and whose AUC is compared with whose."""
+"""Population, the predictor whose AUC is compared, and the predictor that it is compared with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,15 +54,15 @@ class Gain:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Population:
-    """Held-out episodes, and every predictor's answers and scores on them."""
+    """Held-out episodes, and every predictor's probabilities and scores on them."""
 
     train_episodes: int
-    """That the predictors learned from."""
+    """Number of episodes that the predictors learned from."""
     success: NDArray[np.bool_]
     """(K,)."""
     objects: int
     probabilities: Mapping[str, Array]
-    """(K,) by predictor."""
+    """(K,) for each predictor."""
     scores: Mapping[str, Mapping[str, Estimate]]
     """By predictor, then by figure."""
     bootstrap: Bootstrap
@@ -70,23 +70,23 @@ class Population:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Comparison:
-    """What came of it."""
+    """The results of a comparison of baselines."""
 
     populations: Mapping[str, Population]
     gains: tuple[Gain, ...]
     trained: Mapping[str, Trained]
-    """By kind, and ``ABLATION``."""
+    """By kind of network, and by ``ABLATION``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """What is trained, on what."""
+    """Which networks are trained, and on which episodes."""
 
     kinds: Sequence[str] = tuple(KINDS)
     episodes: int | None = None
-    """Of the train split, the first in which a grasp was planned; None for all."""
+    """Number of train episodes: the first ones in which a grasp was planned; None for all."""
     rows: Sequence[int] | None = None
-    """Of the train split, those alone; None for all."""
+    """Rows of the train split that are used; None for all."""
     crop: CropShape = field(default_factory=CropShape)
     touch: TouchWindow = field(default_factory=TouchWindow)
     settings: TrainSettings = field(default_factory=TrainSettings)
@@ -113,20 +113,20 @@ def compare(
     """Fit baselines on the train objects of a dataset and score them on the test objects.
 
     Args:
-        dataset: Gives the train and val splits.
-        test: Gives the test split; it may be the same.
+        dataset: Provides the train and val splits.
+        test: Provides the test split; it may be the same dataset.
         course: What to train.
-        watch: Follows the reading and the fitting.
+        watch: Reports the progress of reading and fitting.
 
     Raises:
-        UsageError: if a split has too few episodes to learn or to judge from.
+        UsageError: if a split has too few episodes for training or evaluation.
     """
     kinds = {name: [k for k in course.kinds if population_of(k) == name] for name in POPULATIONS}
     plans = {name: mine for name, mine in kinds.items() if mine}
     parts = {
         name: read_splits(dataset, test, [*mine, *kinds[ATTEMPTS]], course, watch, population=name)
         for name, mine in plans.items()
-    }  # all of it before the first is fitted: what is missing shall be told at once
+    }  # read all examples before the first fit, so that missing ones are reported at once
     trained: dict[str, Trained] = {}
     populations: dict[str, Population] = {}
     for name, mine in plans.items():
@@ -152,11 +152,11 @@ def read_splits(
     *,
     population: str = ATTEMPTS,
 ) -> Splits:
-    """Return the examples of a population that some kinds need.
+    """Return the examples of a population with the inputs that some kinds of network need.
 
     Raises:
-        UsageError: if a split has fewer episodes than are asked for, or those of one label only,
-            or an object is in train and in test.
+        UsageError: if a split has fewer episodes than requested, or episodes of one label only,
+            or if an object is in train and in test.
     """
     uses = list(dict.fromkeys(name for kind in kinds for name in KINDS[kind]))
     parts: dict[str, Examples] = {}
@@ -186,7 +186,7 @@ def read_splits(
 
 
 def _chosen(rows: NDArray[np.int64], wanted: Sequence[int]) -> NDArray[np.int64]:
-    """Return those of the rows that are wanted; which others are does not matter."""
+    """Return the rows that are in ``wanted``; other values of ``wanted`` are ignored."""
     found = rows[np.isin(rows, wanted)]
     if not len(found):
         what = f"rows: got {len(wanted)}, none of which is a train episode with a grasp"

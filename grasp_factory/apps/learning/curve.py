@@ -1,4 +1,4 @@
-"""AUC against the number of training episodes: what more data is worth."""
+"""AUC against the number of training episodes: how much more data improves it."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from grasp_factory.policies.networks import KINDS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steps:
-    """What is trained for a curve."""
+    """Which networks are trained for a curve."""
 
     kind: str = "vision"
     sizes: tuple[int, ...] = (250, 1000, 4000)
     """Numbers of training episodes."""
     seeds: int = 3
-    """How often all is done."""
+    """Number of networks for each size, each with its own seed."""
 
     def __post_init__(self) -> None:
         lookup(KINDS, "baseline", self.kind)
@@ -56,20 +56,20 @@ class Curve:
 def learning_curve(
     dataset: Dataset, test: Dataset, steps: Steps, course: Course, watch: ProgressWatch = unwatched
 ) -> Curve:
-    """Fit a network, and the pose alone, on random parts of the train split.
+    """Fit a network, and a regression on the pose alone, on random parts of the train split.
 
-    With each seed another part of it is drawn, and another network begun with; the parts of one
-    seed contain one another. Which epoch is best is judged on the whole val split at every size.
+    Each seed draws other episodes and other initial weights. With one seed, a larger part contains
+    the smaller ones. The best epoch is chosen on the whole val split at every size.
 
     Args:
-        dataset: Gives the train and val splits.
-        test: Gives the test split; it may be the same.
+        dataset: Provides the train and val splits.
+        test: Provides the test split; it may be the same dataset.
         steps: Which network, and on how many episodes.
-        course: How to train; its kinds and number of episodes do not matter.
-        watch: Follows the reading and the fitting.
+        course: How to train; its kinds and number of episodes are ignored.
+        watch: Reports the progress of reading and fitting.
 
     Raises:
-        UsageError: for a size that the train split does not have, or too few episodes.
+        UsageError: for a size that is larger than the train split, or too few episodes.
     """
     kind, sizes = steps.kind, steps.sizes
     whole = dataclasses.replace(course, episodes=None)
@@ -109,13 +109,13 @@ def learning_curve(
 
 
 def _drawn(examples: Examples, size: int, seed: int) -> Examples:
-    """Return a random part of the examples, in their order."""
+    """Return a random part of the examples, in their original order."""
     rows = np.sort(np.random.default_rng(seed).permutation(len(examples))[:size])
     return examples.take(rows)
 
 
 def curve_text(curve: Curve) -> str:
-    """Return a table, a row for each size."""
+    """Return a table with a row for each size."""
     names = list(curve.auc)
     rows = [["episodes", *(f"AUC of {name}" for name in names)]]
     for i, size in enumerate(curve.sizes):

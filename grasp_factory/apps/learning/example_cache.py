@@ -1,7 +1,7 @@
-"""Examples that were read once, kept in a temporary file that a loader's processes share.
+"""A cache of examples in a temporary file that a loader's processes share.
 
-Reading an image from a store and cropping it takes some 0.7 ms, as long as a training step does for
-an example; from the second epoch on there is no need for it.
+Reading an image from a store and cropping it takes about 0.7 ms, as long as a training step takes
+for one example. From the second epoch on, cached examples need no reading and cropping.
 """
 
 from __future__ import annotations
@@ -22,38 +22,41 @@ from grasp_factory.policies.networks.inputs import Inputs
 
 
 class KeptInputs:
-    """The inputs of some of N examples, by their place; what does not fit is not kept.
+    """The inputs of some of N examples, by position; examples that do not fit are not kept.
 
-    A byte for each place says whether its inputs are there; it is written after them, so that a
-    process that finds it finds them whole. The file goes when the process that made it drops this.
+    One byte for each position marks its inputs as stored. The byte is written after the inputs, so
+    a process that reads the mark also reads complete inputs. The file is removed when the process
+    that made it releases this object.
     """
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]], count: int, most: int) -> None:
-        """Begin with nothing.
+        """Create an empty cache.
 
         Args:
-            shapes: Of one example's inputs, by name.
-            count: Examples that there are.
-            most: Bytes that the file may have.
+            shapes: Shape of each input of one example, by name.
+            count: Number of examples, N.
+            most: Largest size of the file in bytes.
         """
         self._shapes = dict(shapes)
         self._size = 4 * sum(math.prod(shape) for shape in shapes.values())
         self._room = min(count, most // (self._size + 1))
         self._file, self._path = -1, Path()
-        with contextlib.suppress(OSError):  # no place for it: all is read each time
+        with contextlib.suppress(OSError):  # no space for the file: every read goes to the store
             opened, name = tempfile.mkstemp(prefix="grasp-factory-", suffix=".examples")
             self._file, self._path = opened, Path(name)
             weakref.finalize(self, _remove, opened, self._path, os.getpid())
 
     def __getstate__(self) -> dict[str, Any]:
-        """Travel to another process, which opens the file for itself."""
+        """Return the state without the open file: another process opens the file itself."""
         return {**self.__dict__, "_file": -1}
 
     def take(self, places: NDArray[np.int64]) -> tuple[dict[str, NDArray[np.float32]], Any]:
-        """Return inputs of examples (K,), and which of them are kept, (K,); others hold anything.
+        """Return the inputs of K examples, and which of them are kept, (K,).
+
+        The inputs of the others are undefined.
 
         Args:
-            places: 0 to N - 1.
+            places: Positions of the examples, (K,), 0 to N - 1.
         """
         file = self._opened()
         flags = np.zeros(self._room, np.uint8)
@@ -74,11 +77,11 @@ class KeptInputs:
         }, found
 
     def keep(self, places: NDArray[np.int64], inputs: Inputs) -> None:
-        """Keep the inputs of examples (K,), as far as there is room on the disk."""
+        """Keep the inputs of K examples, as far as there is space in the file and on the disk."""
         file = self._opened()
         if file < 0:
             return
-        with contextlib.suppress(OSError):  # a full disk: it is read again the next time
+        with contextlib.suppress(OSError):  # a full disk: read it again next time
             for k in np.flatnonzero(places < self._room).tolist():
                 place = int(places[k])
                 record = np.concatenate([inputs[name][k].ravel() for name in self._shapes])
@@ -89,7 +92,7 @@ class KeptInputs:
         return self._room + place * self._size
 
     def _opened(self) -> int:
-        """Return the file's descriptor in this process; -1 where there is none."""
+        """Return the file's descriptor in this process; -1 if there is no file."""
         if self._file < 0:
             with contextlib.suppress(OSError):
                 self._file = os.open(self._path, os.O_RDWR | os.O_CLOEXEC)
@@ -98,7 +101,7 @@ class KeptInputs:
 
 
 def _remove(opened: int, path: Path, maker: int) -> None:
-    """Close and remove the file; a forked process has it closed alone."""
+    """Close the file, and remove it in the process that made it; a forked one only closes it."""
     os.close(opened)
     if os.getpid() == maker:
         path.unlink(missing_ok=True)

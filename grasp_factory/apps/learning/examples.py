@@ -1,4 +1,4 @@
-"""Examples for learning: from episodes of a store to what networks are shown, and the labels."""
+"""Examples for learning: network inputs and labels from the episodes of a store."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ TOUCH_STREAMS = ("timestamp", "phase", "tactile_wrench")
 INPUTS = (IMAGE, WIDTH, TOUCH)
 LOOKS_AT = ("depth", "segmentation")
 AT_ONCE = 16
-"""Images of a kind and camera in memory: 20 MB of depth at 640 x 480."""
+"""Images of each kind and camera in memory at once: 20 MB of depth at 640 x 480."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grasps:
-    """What the columns say of some episodes."""
+    """Column values of some episodes."""
 
     rows: NDArray[np.int64]
-    """(K,) in the store."""
+    """(K,) row numbers in the store."""
     success: NDArray[np.bool_]
     """(K,)."""
     object_id: NDArray[np.str_]
     """(K,)."""
     T_world_tcp: Array
-    """(K, 4, 4): the grasps."""
+    """(K, 4, 4): the poses of the grasps."""
     width: Array
     """(K,) metres, before closing."""
 
@@ -51,29 +51,29 @@ class Grasps:
         return len(self.rows)
 
     def take(self, places: NDArray[np.int64] | slice) -> Grasps:
-        """Return those at some places."""
+        """Return the grasps at some positions."""
         return Grasps(**{field.name: getattr(self, field.name)[places] for field in fields(Grasps)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Examples(Grasps):
-    """Episodes as networks see them, with what is known of them."""
+    """Network inputs of some episodes, with their column values."""
 
     inputs: Inputs
 
     def take(self, places: NDArray[np.int64] | slice) -> Examples:
-        """Return those at some places."""
+        """Return the examples at some positions."""
         known = {field.name: getattr(self, field.name)[places] for field in fields(Grasps)}
         return Examples(inputs=take(self.inputs, places), **known)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExampleReader:
-    """Reads examples from a store, none of it before it is asked for.
+    """Reads examples from a store on demand.
 
     Attributes:
-        dataset: The store; with ``noise``, examples are noisy.
-        uses: Names of the inputs that are wanted.
+        dataset: The store; if it was opened with ``noise``, examples are noisy.
+        uses: Names of the inputs to read.
     """
 
     dataset: Dataset
@@ -82,11 +82,11 @@ class ExampleReader:
     touch: TouchWindow = field(default_factory=TouchWindow)
 
     def __post_init__(self) -> None:
-        """Refuse inputs that there are not.
+        """Check the names of the inputs.
 
         Raises:
-            UnknownNameError: listing them.
-            UsageError: if none is wanted.
+            UnknownNameError: for an unknown name, listing the valid ones.
+            UsageError: if ``uses`` is empty.
         """
         for name in self.uses:
             lookup(dict.fromkeys(INPUTS), "input", name)
@@ -101,12 +101,12 @@ class ExampleReader:
         return {name: every[name] for name in self.uses}
 
     def usable(self, rows: NDArray[np.int64] | None = None) -> NDArray[np.int64]:
-        """Return those of some rows (None for all) that have a grasp, ascending.
+        """Return the rows with a grasp among ``rows`` (None for all), ascending.
 
-        With touch among the inputs only those that got to the lift.
+        With touch among the inputs, return only the rows that reached the lift.
 
         Raises:
-            UsageError: if there is none.
+            UsageError: if there is no such row.
         """
         rows = self.dataset.committed if rows is None else np.sort(rows)
         planned = np.isfinite(self.dataset.column("grasp_position")[rows]).all(axis=1)
@@ -118,7 +118,7 @@ class ExampleReader:
         return rows
 
     def grasps(self, rows: NDArray[np.int64]) -> Grasps:
-        """Return what the columns say of usable rows, in their order."""
+        """Return the column values of usable rows, in their order."""
         column = self.dataset.column
         poses = np.concatenate(
             [column("grasp_position")[rows], column("grasp_quat_xyzw")[rows]], axis=1
@@ -137,21 +137,21 @@ class ExampleReader:
         """Return the examples of usable rows, in their order.
 
         Args:
-            rows: Which.
-            on_row: Called after each.
+            rows: Row numbers, as ``usable`` returns them.
+            on_row: Called after each row.
         """
         grasps = self.grasps(rows)
         known = {field.name: getattr(grasps, field.name) for field in fields(Grasps)}
         return Examples(inputs=self.inputs(grasps, on_row), **known)
 
     def inputs(self, grasps: Grasps, on_row: Callable[[], None] = lambda: None) -> Inputs:
-        """Return what networks are shown of episodes, in their order.
+        """Return the network inputs of episodes, in their order.
 
-        They are read in the order of their rows, so that a block's files are opened once.
+        The episodes are read in the order of their rows, so that a block's files are opened once.
 
         Args:
             grasps: The episodes.
-            on_row: Called after each.
+            on_row: Called after each episode.
         """
         count = len(grasps)
         inputs = {n: np.empty((count, *shape), np.float32) for n, shape in self.shapes.items()}

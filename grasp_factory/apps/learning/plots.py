@@ -1,4 +1,4 @@
-"""Plots of what was found: ROC, calibration, learning curve."""
+"""Plots of the results: ROC, calibration, learning curve."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ COLORS: Mapping[str, str] = {
     "both": "tab:green",
 }
 BINS = 10
-"""Of equal numbers of episodes, in the calibration plot."""
+"""Number of bins in the calibration plot; all have the same number of episodes."""
 
 
 def plot_roc(path: Path, populations: Mapping[str, Population]) -> None:
-    """Draw the ROC of every predictor, one picture for each population."""
+    """Draw the ROC of every predictor, with one panel for each population."""
     with _figure(path, len(populations)) as axes:
         for ax, (name, found) in zip(axes, populations.items(), strict=True):
             for predictor, p in found.probabilities.items():
@@ -42,7 +42,7 @@ def plot_roc(path: Path, populations: Mapping[str, Population]) -> None:
 
 
 def plot_calibration(path: Path, populations: Mapping[str, Population]) -> None:
-    """Draw how often grasps held against how probable they were said to be."""
+    """Draw the share of grasps that held against their predicted probability."""
     with _figure(path, len(populations)) as axes:
         for ax, (name, found) in zip(axes, populations.items(), strict=True):
             ax.plot([0, 1], [0, 1], color="0.8", linestyle="--")
@@ -64,10 +64,10 @@ def plot_curve(
     """Draw AUC against the number of training episodes.
 
     Args:
-        path: Of the picture.
+        path: File of the picture.
         sizes: Numbers of episodes.
-        curves: AUC at each of them, by predictor.
-        test: What it was measured on.
+        curves: AUC at each size, by predictor.
+        test: Title of the plot: what the AUC was measured on.
     """
     with _figure(path, 1) as (ax,):
         for predictor, auc in curves.items():
@@ -87,7 +87,7 @@ def plot_curve(
 
 @contextmanager
 def _figure(path: Path, columns: int) -> Iterator[Sequence[Axes]]:
-    """Give so many axes side by side, and write the PNG."""
+    """Yield axes side by side, one for each column, and write the PNG afterwards."""
     with mpl.rc_context({"font.size": 10}):
         figure = Figure(figsize=(5.6 * columns, 5.0), layout="constrained")
         yield [figure.add_subplot(1, columns, i + 1) for i in range(columns)]

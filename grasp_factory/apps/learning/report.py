@@ -1,4 +1,4 @@
-"""What a training run found, as JSON and as a table."""
+"""The results of a training run, as JSON and as tables."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ HEADINGS: Mapping[str, str] = {
 
 
 def report_of(comparison: Comparison, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a report as plain data: where from, every score with its interval, how it was fitted.
+    """Return a report as plain data: its sources, every score with its interval, and the fits.
 
     Args:
-        comparison: What was found.
-        about: Stores, settings and whatever else the report shall say.
+        comparison: The results.
+        about: Stores, settings and other entries of the report.
     """
     populations = {
         name: {
@@ -54,7 +54,7 @@ def report_of(comparison: Comparison, about: Mapping[str, Any]) -> dict[str, Any
 
 
 def training_report_text(report: Mapping[str, Any]) -> str:
-    """Return a report as tables, one for each population, and the gains."""
+    """Return a report as text: a table for each population, and the gains."""
     lines = []
     for name, found in report["populations"].items():
         lines += [
@@ -76,7 +76,7 @@ def training_report_text(report: Mapping[str, Any]) -> str:
 
 
 def estimate_text(estimate: Estimate | Mapping[str, float], *, sign: bool = False) -> str:
-    """Return ``0.912 (0.897 to 0.926)``."""
+    """Return an estimate as text, such as ``0.912 (0.897 to 0.926)``."""
     plain = to_plain(estimate)
     form = "+.3f" if sign else ".3f"
     value, low, high = (format(plain[key], form) for key in ("value", "low", "high"))

@@ -1,4 +1,4 @@
-"""How good probabilities are, with confidence intervals that count objects, not episodes."""
+"""Scores of predicted probabilities, with confidence intervals over objects, not episodes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEVEL = 0.95
 RANGE = (0.0, 1.0)
 """Lowest and highest value of every score."""
 BINS = 15
-"""Of equal width, for the calibration error."""
+"""Number of bins of equal width for the calibration error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,17 +29,17 @@ class Estimate:
 
 Truth = NDArray[np.bool_]
 ScoreFunction = Callable[[Truth, Array, Array], Array]
-"""Of labels (K,), probabilities (K,) and R sets of weights (R, K): (R,).
+"""Takes labels (K,), probabilities (K,) and R sets of weights (R, K); returns R scores, (R,).
 
-scikit-learn's take one set of weights and a millisecond for it, which a thousand resamples of
-every predictor do not have; the tests hold these to its.
+scikit-learn's functions take one set of weights, and a millisecond for each call. That is too slow
+for a thousand resamples of every predictor. The tests compare these functions with scikit-learn's.
 """
 
 
 def auc(success: Truth, probability: Array, weight: Array) -> Array:
     """Return the area under the ROC: how often a success is ranked above a failure."""
     good, bad = _by_value(success, probability, weight)
-    below = np.cumsum(bad, axis=1) - bad / 2.0  # half of what has the same value
+    below = np.cumsum(bad, axis=1) - bad / 2.0  # equal probabilities count half
     return np.asarray((good * below).sum(axis=1) / (good.sum(axis=1) * bad.sum(axis=1)))
 
 
@@ -52,12 +52,15 @@ def average_precision(success: Truth, probability: Array, weight: Array) -> Arra
 
 
 def accuracy(success: Truth, probability: Array, weight: Array) -> Array:
-    """Return the share of episodes that are on the right side of a half."""
+    """Return the share of episodes that a threshold of 0.5 classifies correctly."""
     return np.asarray(weight @ ((probability >= 0.5) == success) / weight.sum(axis=1))
 
 
 def calibration_error(success: Truth, probability: Array, weight: Array) -> Array:
-    """Return the expected calibration error (Naeini et al., 2015): mean gap to the rate by bin."""
+    """Return the expected calibration error (Naeini et al., 2015).
+
+    It is the gap between mean probability and success rate in a bin, averaged over the episodes.
+    """
     bins = np.minimum((probability * BINS).astype(int), BINS - 1)
     gaps = np.zeros((len(probability), BINS))
     gaps[np.arange(len(bins)), bins] = success - probability
@@ -84,7 +87,7 @@ FIGURES: Mapping[str, ScoreFunction] = {
 
 
 class Bootstrap:
-    """Resamples of a population's objects: episodes with one object are not independent.
+    """Resamples of a population's objects: episodes with the same object are not independent.
 
     Every predictor is scored on the same resamples, so that differences are paired.
     """
@@ -94,8 +97,8 @@ class Bootstrap:
 
         Args:
             success: Labels (K,), of both classes.
-            object_id: Of each episode, (K,).
-            seed: Of the resamples.
+            object_id: Object of each episode, (K,).
+            seed: Seed of the resamples.
         """
         self._success = success
         names, episode_object = np.unique(object_id, return_inverse=True)
@@ -122,10 +125,10 @@ class Bootstrap:
         return figure(self._success, probability, self._weight)
 
     def over_networks(self, figure: ScoreFunction, answers: Sequence[Array]) -> tuple[float, Array]:
-        """Return a figure's mean over some networks' probabilities (K,), and its draws, (R,).
+        """Return the mean of a figure over some networks, and its value on each resample, (R,).
 
-        Each resample of the objects also draws networks, by their position. So figures of two
-        lists of equal length are paired.
+        Each network has its probabilities (K,). Each resample of the objects also draws networks,
+        by their position in the list. So the figures of two lists of equal length are paired.
         """
         each = np.array([self.over_resamples(figure, p) for p in answers])
         picks = np.random.default_rng(0).integers(len(answers), size=each.shape)
@@ -143,8 +146,8 @@ def object_mean(values: NDArray[np.generic], object_id: NDArray[np.str_]) -> Est
     """Return the mean of episodes' values (K,), with an interval over resampled objects.
 
     Args:
-        values: Numbers or truth values, at least one.
-        object_id: Of each episode, (K,).
+        values: Numbers or booleans, at least one.
+        object_id: Object of each episode, (K,).
     """
     numbers = values.astype(np.float64)
     names, place = np.unique(object_id, return_inverse=True)
@@ -158,7 +161,7 @@ def object_mean(values: NDArray[np.generic], object_id: NDArray[np.str_]) -> Est
 def interval(
     value: float, drawn: Array, lowest: float = -np.inf, highest: float = np.inf
 ) -> Estimate:
-    """Return an estimate whose interval leaves the same share of draws (R,) out on both sides.
+    """Return an estimate whose interval excludes the same share of draws (R,) on each side.
 
     The draws are shifted so that their mean is the value: resamples repeat episodes, which
     increases the calibration error. The interval is clipped to the figure's range.

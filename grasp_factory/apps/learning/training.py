@@ -1,4 +1,4 @@
-"""Fitting a network: fixed seed, mirrored examples, the epoch that does best on val."""
+"""Fit a network with a fixed seed and mirrored examples, and keep its best epoch on val."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from grasp_factory.signals.grasp_crop import CropShape
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainSettings:
-    """How networks are fitted. The defaults suit some hundred to some ten thousand examples."""
+    """How networks are fitted. The defaults suit hundreds to tens of thousands of examples."""
 
     seed: int = 0
     epochs: int = 20
-    """At most; the learning rate falls to 0 over them."""
+    """Largest number of epochs; the learning rate falls to 0 over them."""
     patience: int = 8
-    """Epochs without a better loss on val after which fitting ends."""
+    """Fitting ends after this number of epochs without a better loss on val."""
     batch: int = 64
     learning_rate: float = 3e-3
     weight_decay: float = 1e-2
     smoothing: float = 0.02
-    """Labels are this far from 0 and 1."""
+    """Distance of the smoothed labels from 0 and 1."""
     threads: int = 1
-    """Of torch; another number may change the last bits of the weights. Networks this small gain
-    little from two, and lose much where others use the cores, too."""
+    """Threads of torch; another number may change the last bits of the weights. These small
+    networks gain little from two threads, and lose much if other processes use the cores."""
 
     def __post_init__(self) -> None:
         check_range(self, "seed", 0, 2**63 - 1)
@@ -55,13 +55,13 @@ class TrainSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trained:
-    """A fitted network, and how it got there."""
+    """A fitted network, and the history of its fitting."""
 
     model: GraspModel
     val_loss: tuple[float, ...] = field(default_factory=tuple)
-    """After each epoch: mean cross-entropy, nats."""
+    """Mean cross-entropy on val after each epoch, nats."""
     best_epoch: int = 0
-    """The one whose weights the model has, from 0."""
+    """The epoch whose weights the model has, from 0."""
 
 
 def fit(
@@ -75,17 +75,17 @@ def fit(
     facts: Mapping[str, Any],
     watch: ProgressWatch = unwatched,
 ) -> Trained:
-    """Fit a network; the same arguments give the same weights on the same machine.
+    """Fit a network; the same arguments yield the same weights on the same machine.
 
     Args:
         kind: One of ``KINDS``.
-        train: What it learns from.
-        val: What chooses the epoch and calibrates the probabilities, of other objects.
-        settings: How.
+        train: Examples to learn from.
+        val: Examples of other objects, to choose the epoch and to calibrate the probabilities.
+        settings: How to fit.
         crop: Shape of the images among the inputs.
-        touch: Window of the touch among them.
-        facts: What the model shall say about its making.
-        watch: Follows the epochs.
+        touch: Window of the touch among the inputs.
+        facts: Facts about the fitting that the model records.
+        watch: Reports each epoch.
 
     Raises:
         UsageError: if either part has examples of one class only.
@@ -113,7 +113,7 @@ def fit(
 def _descend(
     model: GraspModel, train: Examples, val: Examples, settings: TrainSettings, watch: ProgressWatch
 ) -> tuple[list[float], int]:
-    """Leave the network with its best weights; return the losses on val and the best epoch."""
+    """Fit the network and load its best weights; return the losses on val and the best epoch."""
     network, rng = model.network, np.random.default_rng(settings.seed)
     optimizer = torch.optim.AdamW(
         network.parameters(), settings.learning_rate, weight_decay=settings.weight_decay
@@ -147,7 +147,7 @@ def _descend(
 def _batches(
     model: GraspModel, train: Examples, settings: TrainSettings, rng: np.random.Generator
 ) -> Iterator[tuple[dict[str, Tensor], Tensor]]:
-    """Yield an epoch's full batches; what is left over waits for the next one's order."""
+    """Yield an epoch's full batches in random order; the remaining examples are left out."""
     used = {name: train.inputs[name] for name in model.uses}
     order = rng.permutation(len(train))
     size = min(settings.batch, len(train))
@@ -173,8 +173,8 @@ def _calibration(logits: Array, success: NDArray[np.bool_]) -> tuple[float, floa
     slope, offset = float(fitted.coef_[0, 0]), float(fitted.intercept_[0])
     if slope > 0.0:
         return slope, offset
-    # A network that learned nothing may rank val worse than chance; that is no reason to turn
-    # its order round.
+    # A network that learned nothing may rank val worse than a random order does. Its order is
+    # not reversed for that.
     rate = float(success.mean())
     return 1.0, float(np.log(rate / (1.0 - rate)) - logits.mean())
 

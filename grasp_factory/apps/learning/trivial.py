@@ -1,4 +1,4 @@
-"""What needs no images: the share of successes, and a logistic regression on the grasp's pose."""
+"""Baselines without images: the share of successes, and a logistic regression on the pose."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ def majority(train: Examples, test: Examples) -> Array:
 
 
 def pose_only(train: Examples, test: Examples) -> Array:
-    """Return the probabilities (K,) of a regression on pose and width, squares and products too."""
+    """Return the probabilities (K,) of a logistic regression on pose and width.
+
+    The regression also uses the squares and products of these features.
+    """
     model = make_pipeline(
         StandardScaler(), PolynomialFeatures(2), StandardScaler(), LogisticRegression(max_iter=2000)
     )
@@ -26,7 +29,10 @@ def pose_only(train: Examples, test: Examples) -> Array:
 
 
 def _pose_features(examples: Examples) -> Array:
-    """Return (K, 8): position, approach, twice the yaw (half a turn changes nothing), width."""
+    """Return (K, 8): position, x and y of the approach, cosine and sine of twice the yaw, width.
+
+    The yaw is doubled because half a turn of the gripper changes nothing.
+    """
     T = examples.T_world_tcp
     yaw = np.arctan2(T[:, 1, 1], T[:, 0, 1])
     turned = np.column_stack([np.cos(2.0 * yaw), np.sin(2.0 * yaw)])

@@ -1,4 +1,4 @@
-"""How long work is followed: whoever wants to know is told of each step."""
+"""Progress of long work: a callback reports each step."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 
 ProgressWatch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
-"""From what is done, and in how many steps, to a context that gives what to call after each."""
+"""Takes a description of the work and its number of steps.
+
+Returns a context whose value is called after each step.
+"""
 
 
 def unwatched(what: str, steps: int) -> AbstractContextManager[Callable[[], None]]:
-    """Tell nobody."""
+    """Report nothing."""
     del what, steps
     return contextlib.nullcontext(lambda: None)
