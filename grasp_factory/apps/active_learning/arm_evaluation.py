@@ -1,4 +1,4 @@
-"""How often grasps hold: each arm's last model chooses them, beside the config's own policies."""
+"""Success rates of grasps: those that each arm's last model chooses, and the config's policies'."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from grasp_factory.dataset.dataset import Dataset
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """What an arm's last model achieved."""
+    """The results of an arm's last model."""
 
     model_sha256: str
     store: StoreFacts
     success: Estimate
-    """Share of the episodes."""
+    """Share of the episodes that are a success."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,9 +28,9 @@ class ArmEvaluation:
 
     arms: Mapping[str, Tried]
     gain: Estimate | None
-    """Of the active arm over the random one, scene by scene; None for one arm."""
+    """Gain of the active arm over the random one, scene by scene; None if there is only one arm."""
     policies: Mapping[str, Estimate]
-    """Of the config's own policies, in all held-out episodes."""
+    """Success rates of the config's own policies, in all held-out episodes."""
 
 
 def success_of(dataset: Dataset) -> Estimate:
@@ -40,7 +40,7 @@ def success_of(dataset: Dataset) -> Estimate:
 
 
 def success_by_policy(dataset: Dataset) -> dict[str, Estimate]:
-    """Return that share for the episodes of each policy."""
+    """Return the share of successes for each policy."""
     rows = dataset.committed
     success, policy, objects = (
         dataset.column(name)[rows] for name in ("success", "policy", "object_id")
@@ -50,7 +50,7 @@ def success_by_policy(dataset: Dataset) -> dict[str, Estimate]:
 
 
 def success_gain(active: Dataset, random: Dataset) -> Estimate:
-    """Return by how much the share differs, over the scenes that both stores have."""
+    """Return the gain in the share of successes, over the scenes that both stores have."""
     rows = np.intersect1d(active.committed, random.committed)
     more = active.column("success")[rows].astype(float) - random.column("success")[rows]
     return object_mean(more, active.column("object_id")[rows])

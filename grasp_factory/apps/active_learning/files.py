@@ -13,7 +13,7 @@ def make_folder(path: Path) -> None:
     """Make a folder unless it exists.
 
     Raises:
-        UsageError: if it cannot be one.
+        UsageError: if the path cannot be a folder.
         StoreError: if the disk or its permissions prevent it.
     """
     try:
@@ -26,7 +26,7 @@ def read(file: Path) -> bytes | None:
     """Return the content of a file, or None if it does not exist.
 
     Raises:
-        UsageError: if it is no file.
+        UsageError: if the path is not a file.
         StoreError: if the disk or its permissions prevent it.
     """
     try:

@@ -1,4 +1,4 @@
-"""flywheel.json: the settings and the provenance of each round, beside what it tells of."""
+"""flywheel.json: the settings and the provenance of each round, next to its stores and models."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ FORMAT = 1
 
 
 class Journal:
-    """The file in a flywheel's folder that says what it is of."""
+    """The file in a flywheel's folder that records its settings and results."""
 
     def __init__(self, folder: Path, settings: FlywheelSettings) -> None:
-        """Open the folder, which is made if there is none, and begin the file.
+        """Open the folder, or make it if it does not exist, and begin the file.
 
         Raises:
-            UsageError: if the folder cannot be made, or is of other settings, or of something else.
-            StoreError: if the disk or its permissions do not let it be written.
+            UsageError: if the folder cannot be made, or has other settings or other content.
+            StoreError: if the disk or its permissions prevent writing.
         """
         self._file = folder / FILE
         self._settings = settings
@@ -44,23 +44,23 @@ class Journal:
         self.finish({})
 
     def note(self, found: Mapping[str, Any], turns: int) -> None:
-        """Write what was found so far, unless the file tells of as many turns already.
+        """Write the results so far, unless the file already has as many rounds.
 
         Args:
-            found: Records by what they are about.
-            turns: How many of them are turns.
+            found: Records by topic.
+            turns: Number of rounds in them, over all arms.
         """
         if turns > self._turns_there:
             self.finish(found)
 
     def finish(self, found: Mapping[str, Any]) -> None:
-        """Write all that was found."""
+        """Write all results."""
         plain = {"format": FORMAT, "settings": self._settings, **found}
         text = json.dumps(_without_nan(to_plain(plain)), indent=2, allow_nan=False)
         write_if_new(self._file, f"{text}\n".encode())
 
     def _check(self, data: bytes) -> None:
-        """Check that the file is of these settings, and count its turns."""
+        """Check that the file has these settings, and count its rounds."""
         try:
             there = json.loads(data)
             is_ours = there["format"] == FORMAT
@@ -83,7 +83,10 @@ class Journal:
 
 
 def _without_nan(value: Any) -> Any:
-    """Return plain data with null for NaN, which JSON lacks: the ends of intervals of nothing."""
+    """Return plain data with None in place of NaN, which JSON lacks.
+
+    An interval without data has NaN as its ends.
+    """
     if isinstance(value, Mapping):
         return {key: _without_nan(item) for key, item in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""How good a round's networks are on held-out objects, and where they were wrong on their own."""
+"""Scores of a round's networks on held-out objects, and their mistakes on their own grasps."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.policies.networks import GraspModel
 
 SURE = 0.9
-"""A model is sure of an outcome that it gives this probability, or more."""
+"""A model is sure of an outcome if it predicts it with this probability or more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judgement:
-    """Figures of a round's networks, whole and over resamples."""
+    """Figures of a round's networks, over all episodes and over resamples."""
 
     whole: Mapping[str, float]
     """Mean over the networks, by figure."""
     drawn: Mapping[str, Array]
-    """(R,) by figure; each resample draws objects, and networks."""
+    """(R,) by figure; each resample draws objects and networks."""
 
     def scores(self) -> dict[str, Estimate]:
         """Return each figure with its interval."""
@@ -53,7 +53,7 @@ class Judge:
         """Draw the resamples.
 
         Args:
-            held_out: Of both labels.
+            held_out: Examples of both labels.
         """
         self._held_out = held_out
         self._bootstrap = Bootstrap(held_out.success, held_out.object_id, seed=0)
@@ -61,8 +61,8 @@ class Judge:
     def judge(self, models: Sequence[GraspModel], watch: ProgressWatch = unwatched) -> Judgement:
         """Return the figures of a round's networks.
 
-        Networks at the same place in two rounds have the same training seed, and the same ones are
-        drawn of both, so that gains are paired.
+        Networks at the same position in two rounds have the same training seed, and resamples draw
+        the same positions in both rounds, so that gains are paired.
         """
         answers = [model.predict(self._held_out.inputs) for model in models]
         whole, drawn = {}, {}
@@ -75,22 +75,22 @@ class Judge:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mistakes:
-    """How a model's probabilities fared on the grasps that were made with it."""
+    """A model's probabilities, compared with the outcomes of the grasps that it chose."""
 
     episodes: int
-    """That it judged."""
+    """Number of episodes that the model judged."""
     expected: float
-    """Mean probability to hold."""
+    """Mean predicted probability that a grasp holds."""
     success: Estimate
-    """Share that held."""
+    """Share of the grasps that held."""
     wrong: Estimate
-    """Share in which the less probable outcome came about."""
+    """Share of the grasps with the less probable outcome."""
     surprise: Estimate
-    """Mean cross-entropy, nats: that of a coin is 0.69."""
+    """Mean cross-entropy, nats; a prediction of 0.5 has 0.69."""
     sure: int
-    """Episodes of whose outcome it was sure."""
+    """Number of episodes of whose outcome the model was sure."""
     wrong_when_sure: Estimate | None
-    """Share of these in which it was wrong; None without any."""
+    """Share of these in which the model was wrong; None if there are none."""
 
 
 def mistakes_of(dataset: Dataset) -> Mistakes | None:

@@ -1,4 +1,4 @@
-"""What a round learns from, and its networks: trained, or found in their files."""
+"""The training set of a round, and its networks: trained, or read from their files."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from grasp_factory.policies.networks import KINDS, GraspModel, TouchWindow, load
 from grasp_factory.signals.grasp_crop import CropShape
 
 KIND = "vision"
-"""Of all networks of a flywheel: the policy ``learned`` ranks by it before anything is touched."""
+"""Kind of all networks of a flywheel: the policy ``learned`` ranks grasps before any contact."""
 VERSIONS = "versions"
-"""Among a model's facts: what trained it, which says nothing about what it was trained on."""
+"""Key in a model's facts: versions of the software that trained it, not its training data."""
 
 _LARGER = "begin another folder with a larger --eval"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrainingSet:
-    """What is learned from."""
+    """Examples to learn from, and their stores."""
 
     stores: tuple[StoreFacts, ...]
     train: Examples
@@ -43,7 +43,7 @@ class TrainingSet:
 
 
 def together(parts: Sequence[TrainingSet]) -> TrainingSet:
-    """Return what several rounds teach, in their order."""
+    """Return the training sets of several rounds as one, in their order."""
     return TrainingSet(
         stores=tuple(store for part in parts for store in part.stores),
         train=joined([part.train for part in parts]),
@@ -69,7 +69,7 @@ def held_out_examples(dataset: Dataset, watch: ProgressWatch) -> Examples:
     """Read the examples that networks are judged on.
 
     Raises:
-        UsageError: if there are not some of both labels.
+        UsageError: if no episode has a grasp, or if all of them have the same label.
     """
     reader = _reader(dataset)
     try:
@@ -88,7 +88,7 @@ def held_out_examples(dataset: Dataset, watch: ProgressWatch) -> Examples:
 
 
 def joined(parts: Sequence[Examples]) -> Examples:
-    """Return the examples of several stores one after the other; ``rows`` are those in each."""
+    """Concatenate the examples of several stores; ``rows`` are the row numbers in each store."""
     inputs = {name: np.concatenate([p.inputs[name] for p in parts]) for name in parts[0].inputs}
     others = {
         field.name: np.concatenate([getattr(part, field.name) for part in parts])
@@ -100,10 +100,10 @@ def joined(parts: Sequence[Examples]) -> Examples:
 def learn(
     file: Path, lessons: TrainingSet, settings: TrainSettings, watch: ProgressWatch
 ) -> GraspModel:
-    """Return the network in a file, which is trained and written if it is not there.
+    """Return the network in a file; train and write it if the file does not exist.
 
     Raises:
-        UsageError: if the file has another network, or there is too little to learn from.
+        UsageError: if the file has another network, or there is too little data to learn from.
     """
     facts = _facts(lessons, settings)
     data = read(file)
@@ -145,5 +145,5 @@ def _facts(lessons: TrainingSet, settings: TrainSettings) -> dict[str, Any]:
 
 
 def _lasting(facts: Mapping[str, Any]) -> Any:
-    """Return what must be the same for a network to be taken, as JSON gives it back."""
+    """Return the facts that must match before a network is reused, as JSON represents them."""
     return json.loads(json.dumps({k: v for k, v in facts.items() if k != VERSIONS}))

@@ -1,4 +1,4 @@
-"""The picture of a flywheel: AUC against episodes, and what active selection gains."""
+"""The picture of a flywheel: AUC against episodes, and the gain of active selection."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FIGURE = "auc"
 
 
 def picture_of(arms: Mapping[str, Sequence[Round]], gains: Sequence[SelectionGain]) -> bytes:
-    """Return the PNG of a flywheel's arms, with their difference beside them if there are two."""
+    """Return the PNG of a flywheel's arms; two arms have a second panel with their difference."""
     panels = 2 if gains else 1
     with mpl.rc_context({"font.size": 10}):
         figure = Figure(figsize=(5.6 * panels, 4.6), layout="constrained")

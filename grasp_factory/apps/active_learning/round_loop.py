@@ -1,4 +1,4 @@
-"""The rounds: generate with the last model, train on all so far, judge, and again."""
+"""The loop of rounds: generate with the last model, train on all stores so far, judge, repeat."""
 
 from __future__ import annotations
 
@@ -53,22 +53,21 @@ def run_rounds(
 ) -> dict[str, Any]:
     """Make all rounds of a flywheel in a folder, or those that are missing.
 
-    Each arm learns from round 0 and from rounds of its own, and all are judged on the same
-    held-out episodes. What is there stays as it is, and is made again byte for byte if it is not.
+    Each arm learns from round 0 and from its own rounds, and all are judged on the same held-out
+    episodes. Existing files stay as they are. Missing files are made again with the same bytes.
 
     Args:
-        settings: What decides the content.
-        folder: New, empty, or of the same settings.
-        workers: Processes that make episodes.
-        make: Makes them.
-        watch: Follows reading and training.
+        settings: Everything that determines the content.
+        folder: A new or empty folder, or one with the same settings.
+        workers: Number of processes that make episodes.
+        make: Makes the episodes.
+        watch: Reports the progress of reading and training.
 
     Returns:
-        Records by what they are about, as in flywheel.json: ``evaluation``, ``arms``, ``gains``
-        and ``tries``.
+        Records by topic, as in flywheel.json: ``evaluation``, ``arms``, ``gains`` and ``tries``.
 
     Raises:
-        UsageError: for what cannot be done, or a folder of other settings.
+        UsageError: for an impossible request, or a folder with other settings.
         StoreError, WorkerError, FailuresError: as ``factory.generate`` does.
     """
     check_names(settings.start_config)
@@ -80,7 +79,7 @@ def run_rounds(
 
 
 class _Flywheel:
-    """A folder and what is known of it."""
+    """A flywheel's folder and its results so far."""
 
     def __init__(
         self,
@@ -109,7 +108,7 @@ class _Flywheel:
         }
 
     def turn(self) -> dict[str, Any]:
-        """Make all rounds and say what was found."""
+        """Make all rounds and return the results."""
         start = self._start()
         stands = {arm: [start] for arm in self._settings.arms}
         self._note(stands)
@@ -151,7 +150,7 @@ class _Flywheel:
     def _stand(
         self, number: int, place: Path, parts: tuple[TrainingSet, ...], choice: Choice | None
     ) -> ArmState:
-        """Train a round's networks, or find them, and judge them."""
+        """Train a round's networks, or read them from their files, and judge them."""
         lessons = together(parts)
         models, told = [], []
         for seed in range(self._settings.seeds):
@@ -167,7 +166,7 @@ class _Flywheel:
                 )
             )
             if not seed:
-                model_registry.keep(file.read_bytes())  # where the policy learned looks for it
+                model_registry.keep(file.read_bytes())  # for the policy `learned`
         judgement = self._judge.judge(models, self._watch)
         turn = Round(
             round=number,

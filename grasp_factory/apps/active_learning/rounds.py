@@ -1,4 +1,4 @@
-"""What is remembered of a round: its grasps, who chose them, its networks and their figures."""
+"""Records of a round: its grasps, the model that chose them, its networks and their figures."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from grasp_factory.policies.networks import GraspModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """How a model chose the grasps of a round, and how right it was about them."""
+    """How a model chose the grasps of a round, and how well it predicted their outcomes."""
 
     model_sha256: str
     prefer: str
-    """What the policy ``learned`` put first."""
+    """Which grasps the policy ``learned`` preferred."""
     mistakes: Mistakes | None
     """None if no episode has a grasp."""
 
@@ -29,31 +29,31 @@ class ModelFacts:
     """A trained network."""
 
     path: str
-    """In the flywheel's folder."""
+    """Relative to the flywheel's folder."""
     sha256: str
     settings: Mapping[str, Any]
     """How it was trained."""
     versions: Mapping[str, str]
-    """Of what trained it."""
+    """Versions of the software that trained it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Round:
-    """What a round did and what came of it."""
+    """What a round did, and its results."""
 
     round: int
     store: StoreFacts
     choice: Choice | None
     """None in round 0, whose grasps the config's own policies chose."""
     learned_from: tuple[str, ...]
-    """Paths of stores, this round's last."""
+    """Paths of the stores; this round's store is the last."""
     episodes: int
-    """In all of them."""
+    """Number of episodes in all these stores."""
     train_examples: int
     val_examples: int
     models: tuple[ModelFacts, ...]
     scores: Mapping[str, Estimate]
-    """Of the networks on held-out objects, by figure."""
+    """Scores of the networks on held-out objects, by figure."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,16 +62,16 @@ class SelectionGain:
 
     round: int
     episodes: int
-    """That each arm has learned from."""
+    """Number of episodes that each arm has learned from."""
     scores: Mapping[str, Estimate]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArmState:
-    """Where an arm stands after a round."""
+    """The state of an arm after a round."""
 
     parts: tuple[TrainingSet, ...]
-    """Of each round; arms share the first."""
+    """The training set of each round; arms share the first."""
     models: Sequence[GraspModel]
     judgement: Judgement
     turn: Round

@@ -1,4 +1,4 @@
-"""What a flywheel is made from: its sizes, and from them the config of every store in it."""
+"""The settings of a flywheel, and the config of every store that follows from them."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from grasp_factory.factory.run_request import MAX_EPISODES
 from grasp_factory.policies import POLICIES
 
 ARMS: Mapping[str, str] = {"active": "uncertain", "random": "random"}
-"""Arm to what its policy ``learned`` prefers; both draw from the same candidates."""
+"""By arm: what its policy ``learned`` prefers; both arms draw from the same candidates."""
 SELECTIONS: Mapping[str, tuple[str, ...]] = {**{arm: (arm,) for arm in ARMS}, "both": tuple(ARMS)}
-"""Value of ``--select`` to the arms that are turned."""
+"""By value of ``--select``: the arms that run."""
 LEARNED = "learned"
 _ANY_MODEL = "0" * 64
-"""Stands for a SHA-256 until there is one."""
+"""Placeholder for the SHA-256 of a model that does not exist yet."""
 LEARNING, HELD_OUT = ("train", "val"), ("test",)
-"""Splits whose objects rounds drop, and whose the evaluation drops."""
+"""Splits whose objects the rounds drop, and splits whose objects the evaluation drops."""
 
 
 class _Purpose(IntEnum):
-    """What a seed is derived for. The values are part of what a seed means: append only."""
+    """What a seed is derived for. The seeds depend on the values: append only."""
 
     ROUND = 0
     EVALUATION = 1
@@ -37,12 +37,12 @@ class _Purpose(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlywheelSettings:
-    """Everything that decides what a flywheel's folder holds."""
+    """Everything that determines the content of a flywheel's folder."""
 
     config: FactoryConfig
-    """Of all stores, but for seeds, splits and, from round 1 on, the policy."""
+    """Config of all stores, except for seeds, splits and, from round 1 on, the policy."""
     rounds: int = 3
-    """After round 0."""
+    """Number of rounds after round 0."""
     start: int = 500
     """Episodes of round 0, by the config's own policies."""
     budget: int = 500
@@ -50,13 +50,13 @@ class FlywheelSettings:
     evaluation: int = 1000
     """Held-out episodes, by the config's own policies."""
     select: str = "both"
-    """active, random, or both arms."""
+    """The arms that run: active, random or both."""
     tries: int = 0
     """Held-out episodes in which each arm's last model chooses the grasps."""
     seeds: int = 3
-    """Networks that are trained a round, from different seeds; the first chooses."""
+    """Networks that each round trains, from different seeds; the first one chooses grasps."""
     epochs: int = 20
-    """At most, of training."""
+    """Largest number of training epochs."""
 
     def __post_init__(self) -> None:
         normalise(self)
@@ -82,7 +82,7 @@ class FlywheelSettings:
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """Those that are turned."""
+        """The arms that run."""
         return SELECTIONS[self.select]
 
     @property
@@ -96,12 +96,12 @@ class FlywheelSettings:
         return self._of_base(self._seed(_Purpose.EVALUATION), HELD_OUT)
 
     def round_config(self, number: int, arm: str, sha256: str) -> FactoryConfig:
-        """Return the config of a later round; arms differ in the model and what it prefers.
+        """Return the config of a later round; arms differ in the model and in what it prefers.
 
         Args:
-            number: Of the round, from 1.
+            number: Number of the round, from 1.
             arm: One of ``ARMS``.
-            sha256: Of the model of the round before.
+            sha256: SHA-256 of the previous round's model.
         """
         return self._of_model(sha256, ARMS[arm], self.round_seed(number), LEARNING)
 
@@ -110,18 +110,18 @@ class FlywheelSettings:
         return self._of_model(sha256, "best", self._seed(_Purpose.EVALUATION), HELD_OUT)
 
     def round_seed(self, number: int) -> int:
-        """Return the seed of a round, the same for both arms: they see the same scenes."""
+        """Return the seed of a round. It is the same for both arms, so they see the same scenes."""
         return self._seed(_Purpose.ROUND, number)
 
     def training(self, number: int) -> TrainSettings:
-        """Return how the network of this number, from 0, is trained."""
+        """Return the training settings of a network, by its number from 0."""
         return TrainSettings(seed=self._seed(_Purpose.TRAINING, number), epochs=self.epochs)
 
     def check_learned(self) -> None:
         """Check the settings of the policy ``learned`` that the config has.
 
         Raises:
-            ConfigError: naming the one that is not valid.
+            ConfigError: naming the invalid setting.
         """
         POLICIES[LEARNED].settings({**self._own, "model": _ANY_MODEL})
 

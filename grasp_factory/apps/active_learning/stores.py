@@ -1,4 +1,4 @@
-"""The stores of a flywheel: made or completed, and what is remembered of each."""
+"""Make or complete the stores of a flywheel, and record the provenance of each."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ Make = Callable[[Request], Summary]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreFacts:
-    """Where episodes come from."""
+    """The provenance of the episodes in a store."""
 
     path: str
-    """In the flywheel's folder."""
+    """Relative to the flywheel's folder."""
     seed: int
     config_sha256: str
     contents_sha256: str
-    """Over the numbers and checksums of the episodes."""
+    """SHA-256 over the row numbers and checksums of the episodes."""
     episodes: int
     successes: int
     quarantined: int
 
 
 def make_quietly(request: Request) -> Summary:
-    """Make the missing episodes of a request and tell nobody."""
+    """Make the missing episodes of a request without reporting progress."""
     return generate(request.config, request.n, request.out, request.workers)
 
 
@@ -43,9 +43,9 @@ def complete(path: Path, config: FactoryConfig, n: int, *, workers: int, make: M
     """Make sure that the store at a path holds ``n`` episodes of a config, and open it.
 
     Raises:
-        StoreMismatchError: if it was begun on a platform that makes other bytes.
+        StoreMismatchError: if the store was begun on a platform that makes other bytes.
         UsageError, StoreError, WorkerError: as ``factory.generate`` does.
-        FailuresError: if too many are quarantined.
+        FailuresError: if too many episodes are quarantined.
     """
     _check_platform(path, config)
     summary = make(Request(config=config, n=n, out=path, workers=workers))
@@ -58,7 +58,7 @@ def complete(path: Path, config: FactoryConfig, n: int, *, workers: int, make: M
 
 
 def _check_platform(path: Path, config: FactoryConfig) -> None:
-    """Check that a store that is there was begun on a platform with this one's fingerprint."""
+    """Check that an existing store was begun on a platform with the same fingerprint."""
     if not (path / "zarr.json").exists():
         return
     known = fingerprint_of(Dataset.open(path).attributes)
@@ -70,7 +70,7 @@ def _check_platform(path: Path, config: FactoryConfig) -> None:
 
 
 def store_facts(folder: Path, dataset: Dataset) -> StoreFacts:
-    """Return what is remembered of a store in a flywheel's folder."""
+    """Return the provenance of a store in a flywheel's folder."""
     rows = dataset.committed
     digest = hashlib.sha256()
     for row, checksum in zip(rows.tolist(), dataset.column("checksum")[rows], strict=True):

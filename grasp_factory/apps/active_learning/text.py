@@ -14,7 +14,7 @@ from grasp_factory.core.text_format import count, percent, table
 
 
 def flywheel_text(found: Mapping[str, Any]) -> str:
-    """Return what ``turn_flywheel`` found as text for people."""
+    """Return the results of ``run_rounds`` as text for people."""
     arms: Mapping[str, Sequence[Round]] = found["arms"]
     judged = found["evaluation"]
     parts = [
@@ -47,7 +47,7 @@ def _turns(arms: Mapping[str, Sequence[Round]]) -> str:
 
 
 def _mistakes(arms: Mapping[str, Sequence[Round]]) -> str:
-    """Return how right each round's model was about the grasps that it chose."""
+    """Return a table of how well each round's model predicted the grasps that it chose."""
     cells = []
     for arm, turns in arms.items():
         for turn in turns[1:]:
