@@ -21,28 +21,29 @@ class Effort:
     """How many episodes to spend."""
 
     default: int
-    """Of the default config."""
+    """Episodes of the default config."""
     finer: int
-    """Of these, how many are run again with finer steps; one that disagrees among few says
-    nothing, so it is many or none."""
+    """How many of these are run again with finer steps: many or 0, because one different label
+    among a few episodes means nothing."""
     stepwise: int
-    """Recorded at every physics step."""
+    """Episodes that are recorded at every physics step."""
     per_policy: int
 
 
 FULL = Effort(default=300, finer=300, stepwise=20, per_policy=150)
 SHORT = Effort(default=48, finer=0, stepwise=4, per_policy=0)
-"""With half as many, one light object that swings in the hand decides the median moment."""
+"""With half as many episodes, one light object that swings in the hand decides the median
+moment."""
 
 
 def check_physics(
     effort: Effort, on_part: Callable[[str], None] = lambda part: None
 ) -> Iterator[Figure]:
-    """Measure, and yield each figure as it is known.
+    """Measure, and yield each figure as soon as it is known.
 
     Args:
-        effort: ``FULL`` for all figures, ``SHORT`` for those that few episodes show.
-        on_part: Called with what is measured next.
+        effort: ``FULL`` for all figures, ``SHORT`` for the figures that need few episodes.
+        on_part: Called with a description of the next measurement.
     """
     with World() as world:
         on_part(f"{effort.default} default episodes")
@@ -75,7 +76,7 @@ def _successes(world: World, config: FactoryConfig, n: int) -> list[Episode]:
 def _stepwise_config() -> FactoryConfig:
     """Return the default contact physics, recorded at every step.
 
-    The records' rate must divide that of the free motion, so that is stepped alike.
+    The rate of the records must divide the step rate of the free motion, so both are equal.
     """
     hz = PhysicsConfig().contact_hz
     physics = PhysicsConfig(free_hz=hz, contact_hz=hz)

@@ -15,13 +15,13 @@ from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
 
 EXPECTED_FORCE = 20.0
-"""N with which each pad must squeeze, by Coulomb, for the box to stay."""
+"""Force in N with which each pad must squeeze the box to hold it, by Coulomb's law."""
 RESOLUTION = 0.002
-"""Of the force: where the bisection ends."""
+"""The bisection ends at this share of the force."""
 
 
 def threshold(world: World) -> list[Figure]:
-    """Find by bisection the force at which a cube stays, and compare: 2 mu F = m g."""
+    """Find by bisection the force at which a cube stays, and compare it with 2 mu F = m g."""
     low, high = 0.8 * EXPECTED_FORCE, 1.2 * EXPECTED_FORCE
     while high - low > RESOLUTION * EXPECTED_FORCE:
         force = (low + high) / 2.0
@@ -38,7 +38,7 @@ def _stays(world: World, force: float) -> bool:
 
 
 def _recipe(force: float) -> EpisodeSpec:
-    """Return a slow lift of a cube whose weight the friction just carries."""
+    """Return the spec of a slow lift of a cube whose weight the friction just carries."""
     spec = sample_spec(FactoryConfig(policies={"top_down": 1.0}), 0)
     model = OBJECT_SETS["classic"].model("classic/cube")
     mass = 2.0 * model.lateral_friction * EXPECTED_FORCE / spec.physics.gravity

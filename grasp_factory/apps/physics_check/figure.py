@@ -1,4 +1,4 @@
-"""One measured figure beside its bound."""
+"""One measured figure with its bounds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
-    """What a check found."""
+    """The result of a check."""
 
     check: str
     figure: str
@@ -18,19 +18,19 @@ class Figure:
     value: float
     unit: str
     low: float
-    """Smallest value that passes; ``-inf`` for none."""
+    """Smallest value that passes; ``-inf`` for no bound."""
     high: float
-    """Largest value that passes; ``inf`` for none."""
+    """Largest value that passes; ``inf`` for no bound."""
     samples: int
 
     @property
     def passes(self) -> bool:
-        """Whether the value lies within its bounds; not when there is no sample."""
+        """Whether the value is within its bounds; False if there is no sample."""
         return bool(self.samples > 0 and self.low <= self.value <= self.high)
 
     @property
     def bound(self) -> str:
-        """The bound in words."""
+        """The bounds as text."""
         if self.low == -np.inf:
             return f"<= {self.high:g} {self.unit}"
         if self.high == np.inf:

@@ -1,4 +1,4 @@
-"""Forces and moments on what is held, against Newton's laws, from recorded streams alone."""
+"""Forces and moments on a held object, against Newton's laws, from recorded streams alone."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ from grasp_factory.robots import ROBOTS
 from grasp_factory.signals import compensate_gravity
 
 STILL = 0.005
-"""m/s of the target's centre of mass: slower counts as at rest."""
+"""Speed of the target's centre of mass, m/s, below which the target counts as at rest."""
 CLEAR = 0.001
-"""Metres above its rest at which the target has left the table."""
+"""Height above its rest position, metres, above which the target has left the table."""
 CENTIMETRE = 0.01
-"""Metres: the lever of the moment that residuals are compared with."""
+"""Lever, metres, of the moment that residuals are compared with."""
 
 
 def at_rest(episodes: Iterable[Episode]) -> list[Figure]:
-    """Compare pads and wrist with the weight of what is held at rest, in per cent of it."""
+    """Compare the loads on pads and wrist with the weight of an object that is held at rest.
+
+    The figures are in per cent of the weight.
+    """
     pads, wrist, moments = [], [], []
     for episode in episodes:
         records = _rest_records(episode)
@@ -45,8 +48,8 @@ def at_rest(episodes: Iterable[Episode]) -> list[Figure]:
 def in_motion(episodes: Iterable[Episode]) -> list[Figure]:
     """Compare the pads' force with m (a - g) at each step of lift and shake, in per cent of m g.
 
-    The episodes must be recorded at every physics step; the acceleration is the second difference
-    of the centre of mass, which is what the engine's integrator makes of the force.
+    The episodes must be recorded at every physics step. The acceleration is the second difference
+    of the centre of mass, because the engine's integrator relates force and motion in this way.
     """
     residuals: list[float] = []
     for episode in episodes:
@@ -89,12 +92,12 @@ def _rotations(episode: Episode, records: Indices) -> Array:
 
 
 def _on_target(episode: Episode, records: Indices) -> tuple[Array, Array]:
-    """Return force (n, 3) and moment about the COM (n, 3) of the pads on the target, world."""
+    """Return the pads' force (n, 3) and moment about the COM (n, 3) on the target, world frame."""
     return pads_on_target(episode.streams, _com(episode), records)
 
 
 def _external_load(episode: Episode, records: Indices) -> Array:
-    """Return what the wrist feels beyond the tool, force (n, 3), world."""
+    """Return the force (n, 3) on the wrist without the tool's weight, world frame."""
     robot = ROBOTS[episode.spec.robot]
     R = _rotations(episode, records)
     wrench = episode.streams["wrist_wrench"][records].astype(np.float64)

@@ -15,7 +15,7 @@ from grasp_factory.signals import BMI088, apply_imu_noise
 NOISE_HZ = 400
 NOISE_S = 2000
 TAU = 0.25
-"""Seconds of averaging at which white noise rules: the bias walk takes over after minutes."""
+"""Averaging time, seconds, at which white noise dominates; the bias walk does so after minutes."""
 REST_S = 0.2
 """Seconds at the end of the hold that count as rest."""
 

@@ -1,4 +1,4 @@
-"""Labels against finer physics, and success per policy on objects held out."""
+"""Labels against finer physics, and success per policy on held-out objects."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
 
 FINER = 4
-"""How many times finer the contact phases are stepped for comparison."""
+"""Factor by which the comparison increases the step rate of the contact phases."""
 POLICY_BOUNDS = {"antipodal": (80.0, 100.0), "top_down": (65.0, 100.0), "uniform": (20.0, 45.0)}
-"""Per cent of attempts on held-out blobs that shall succeed."""
+"""Bounds of the success rate on held-out blobs, per cent of the attempts."""
 
 
 def against_finer_steps(world: World, episodes: Sequence[Episode]) -> list[Figure]:
-    """Run the same recipes with finer steps from the closing on, and compare the labels."""
+    """Run the same specs with finer steps from the closing phase on, and compare the labels."""
     pairs = []
     for episode in episodes:
         physics = episode.spec.physics
@@ -50,7 +50,7 @@ def against_finer_steps(world: World, episodes: Sequence[Episode]) -> list[Figur
 
 
 def overlaps(episodes: Sequence[Episode]) -> list[Figure]:
-    """Return how deep pads sink into what they hold, and the robot into the table, millimetres."""
+    """Return how deep pads sink into the held object, and the robot into the table, millimetres."""
     pads = [1e3 * e.columns["max_penetration"] for e in episodes if e.success]
     table = [
         1e3 * e.columns["table_penetration"]
