@@ -1,6 +1,6 @@
 """Episodes for PyTorch: a dataset by index, and a stream that shuffles by block.
 
-Nothing of a store is copied; a loader's workers open it themselves.
+The store is not copied; each worker of a loader opens it itself.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from grasp_factory.signals.grasp_crop import CropShape
 from grasp_factory.signals.noise import SensorNoise
 
 Example = dict[str, Any]
-"""``image`` (3, S, S), ``width`` (1,), ``touch`` (2, 6, R), those that are used, and ``success``
-(): float32 tensors; and ``row``, its number in the store."""
+"""The inputs that are used of ``image`` (3, S, S), ``width`` (1,) and ``touch`` (2, 6, R), and
+``success`` (), all as float32 tensors; and ``row``, the example's row number in the store."""
 
 MOST_KEPT = 31 * 2**20
-"""Bytes, just below the largest block whose release glibc learns from."""
+"""Bytes; just below the largest block that can raise glibc's thresholds when it is freed."""
 
 
 class GraspDataset(TorchDataset[Example]):
     """A store's episodes as examples, by index.
 
-    It holds the columns that it needs and reads the rest on demand. It may be pickled, and used by
-    a ``DataLoader`` with any number of workers and either start method.
+    It holds the columns that it needs and reads the rest on demand. It can be pickled, and used by
+    a ``DataLoader`` with any number of workers, which start by ``fork`` or ``spawn``.
     """
 
     def __init__(
@@ -59,24 +59,24 @@ class GraspDataset(TorchDataset[Example]):
         """Open a store.
 
         Args:
-            store: The store, or where it is.
+            store: The store, or its path.
             rows: Row numbers, such as ``Dataset.split`` or ``balanced`` return; None for all.
             uses: Names of the inputs; ``networks.KINDS`` has those of each network.
             crop: Shape of the images; None for the default.
-            touch: Instants of the touch; None for the default.
-            noise: What sensors add, or its name in ``noise.NOISE``, drawn anew in each epoch:
-                epoch e shows what ``Dataset.open(path, noise, noise_seed + e)`` does. A
-                ``Dataset`` that is given has its own, the same in all epochs.
-            noise_seed: Of epoch 0.
-            mirror_seed: Mirror each example at random along the TCP's x and y, another way in each
-                epoch; None for as they are.
-            keep_bytes: Size of a temporary file in which examples are kept when they have been
-                read once, 28 kB each with an image, so that later epochs are quicker; 0 for none.
-                With ``noise``, which differs between epochs, there is none.
+            touch: Time window of the touch; None for the default.
+            noise: Sensor noise, or its name in ``noise.NOISE``, drawn again in each epoch: epoch e
+                has the noise of ``Dataset.open(path, noise, noise_seed + e)``. If ``store`` is a
+                ``Dataset``, it has its own noise, the same in all epochs.
+            noise_seed: Seed of the noise in epoch 0.
+            mirror_seed: Seed for mirroring each example at random along the TCP's x and y, again in
+                each epoch; None for no mirroring.
+            keep_bytes: Largest size of a temporary file that keeps examples after their first
+                reading, 28 kB each with an image, so that later epochs are faster; 0 for no file.
+                With ``noise``, which differs between epochs, there is no file.
 
         Raises:
-            UsageError: for noise on an opened ``Dataset``, names or seeds that are none, or rows
-                that hold no episode with a grasp.
+            UsageError: for noise with an opened ``Dataset``, invalid names or seeds, or rows that
+                hold no episode with a grasp.
             StoreError: if the store is damaged.
         """
         if isinstance(store, Dataset) and noise is not None:
@@ -96,7 +96,7 @@ class GraspDataset(TorchDataset[Example]):
         self._read_epoch = 0
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Share the epoch's number again: a copy's workers hear of it, too."""
+        """Share the epoch's number again, so that the workers of a copy also see it change."""
         self.__dict__.update(state)
         self._epoch.share_memory_()
 
@@ -104,7 +104,7 @@ class GraspDataset(TorchDataset[Example]):
     def rows(self) -> NDArray[np.int64]:
         """The store's row of each example, (K,), ascending.
 
-        Rows without a grasp are left out, and with touch those that did not get to the lift.
+        Rows without a grasp are left out. With touch, so are rows that did not reach the lift.
         """
         return self._grasps.rows
 
@@ -115,11 +115,11 @@ class GraspDataset(TorchDataset[Example]):
 
     @property
     def epoch(self) -> int:
-        """The epoch's number, from 0 on."""
+        """The epoch's number, from 0."""
         return int(self._epoch)
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw noise and mirrorings anew, in workers that are kept between epochs as well."""
+        """Set the epoch: noise and mirroring are drawn again, also in persistent workers."""
         _check_number("epoch", epoch, 0)
         self._epoch.fill_(epoch)
 
@@ -132,11 +132,11 @@ class GraspDataset(TorchDataset[Example]):
         return self.__getitems__([index])[0]
 
     def __getitems__(self, indices: Sequence[int]) -> list[Example]:
-        """Return some examples, in the order of their indices, opening a block's files once.
+        """Return some examples in the order of their indices; a block's files are opened once.
 
         Raises:
             IndexError: naming the valid range.
-            StoreError: if one is damaged.
+            StoreError: if an episode is damaged.
         """
         if get_worker_info() is not None:
             _keep_freed_memory(os.getpid())
@@ -152,7 +152,7 @@ class GraspDataset(TorchDataset[Example]):
         ]
 
     def _inputs(self, places: NDArray[np.int64]) -> Inputs:
-        """Return what is shown of some examples, reading what is not kept."""
+        """Return the inputs of some examples; read those that are not kept."""
         reader = self._at_epoch()
         if self._kept is None:
             return reader.inputs(self._grasps.take(places))
@@ -171,14 +171,14 @@ class GraspDataset(TorchDataset[Example]):
         return index % len(self)
 
     def _sides(self, seed: int, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which to mirror along x and along y, (2, K)."""
+        """Return which examples to mirror along x and along y, (2, K)."""
         drawn = [
             np.random.default_rng([seed, self.epoch, place]).random(2) for place in places.tolist()
         ]
         return np.reshape(drawn, (-1, 2)).T < 0.5
 
     def _at_epoch(self) -> ExampleReader:
-        """Return the reader of this epoch's noise."""
+        """Return the reader with this epoch's noise."""
         epoch = self.epoch
         if self._noise is not None and epoch != self._read_epoch:
             path, seed = self._reader.dataset.path, self._noise_seed + epoch
@@ -190,10 +190,10 @@ class GraspDataset(TorchDataset[Example]):
 class GraspStream(IterableDataset[Example]):
     """The examples of a ``GraspDataset`` in random order, each once, read block by block.
 
-    Blocks come in random order. Each is read at once, and its examples go into a pool, from which
-    a random one leaves for each that comes. The blocks are shared out among a loader's workers
-    and the ranks of distributed training; seed, epoch, rank and the numbers of ranks and
-    workers decide the order, nothing else does.
+    Blocks come in random order. Each block is read in one call, and its examples go into a pool.
+    When the pool is full, each new example replaces a random one, which is yielded. The blocks are
+    divided among a loader's workers and the ranks of distributed training. The order depends only
+    on seed, epoch, rank and the numbers of ranks and workers.
     """
 
     def __init__(
@@ -208,14 +208,15 @@ class GraspStream(IterableDataset[Example]):
         """Stream a dataset.
 
         Args:
-            examples: What to stream; its epoch is the stream's.
-            seed: Of the order.
-            pool: Examples in a worker's pool; 1 leaves a block's together.
-            rank: Of this process in distributed training.
-            world_size: Processes there. Their numbers of examples differ by some blocks' at most.
+            examples: The dataset to stream; its epoch is the stream's epoch.
+            seed: Seed of the order.
+            pool: Size of a worker's pool; with 1, the examples of a block stay together.
+            rank: Rank of this process in distributed training.
+            world_size: Number of these processes. Their shares differ by the examples of a few
+                blocks at most.
 
         Raises:
-            UsageError: for numbers out of their range.
+            UsageError: for numbers out of range.
         """
         _check_number("seed", seed, 0)
         _check_number("pool", pool, 1)
@@ -227,11 +228,11 @@ class GraspStream(IterableDataset[Example]):
         self._rank, self._world_size = rank, world_size
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw the order anew, and what the dataset draws."""
+        """Set the epoch: the order and the dataset's noise and mirroring are drawn again."""
         self.examples.set_epoch(epoch)
 
     def __iter__(self) -> Iterator[Example]:
-        """Iterate over this worker's share of this rank's share."""
+        """Iterate over the examples of this worker, a part of those of this rank."""
         worker = get_worker_info()
         workers, number = (worker.num_workers, worker.id) if worker else (1, 0)
         share = self._rank * workers + number
@@ -254,7 +255,7 @@ class GraspStream(IterableDataset[Example]):
 
 
 def _owned(example: Example) -> Example:
-    """Return an example that does not keep its whole block in memory."""
+    """Return a copy of an example, so that the whole block does not stay in memory."""
     return {n: v.clone() if isinstance(v, Tensor) else v for n, v in example.items()}
 
 
@@ -262,7 +263,7 @@ def _rows(dataset: Dataset, rows: ArrayLike | None) -> NDArray[np.int64] | None:
     """Return row numbers as an array.
 
     Raises:
-        UsageError: for what is none, or naming the first that holds no episode.
+        UsageError: for invalid row numbers, or naming the first row that holds no episode.
     """
     if rows is None:
         return None
@@ -281,9 +282,10 @@ def _check_number(name: str, value: int, least: int) -> None:
 
 @cache
 def _keep_freed_memory(process: int) -> None:
-    """Have the process keep the memory that it frees, up to 60 MB of it.
+    """Make the process keep up to 60 MB of the memory that it frees.
 
-    Each image is a megabyte, which glibc else returns to the system and gets back page by page;
-    that can take as long as decoding. It learns to keep it when a large block is freed.
+    Each image is a megabyte. By default glibc returns this memory to the system and gets it back
+    page by page, which can take as long as decoding. Freeing a large block raises the thresholds
+    above which glibc does so.
     """
     np.empty(MOST_KEPT, np.uint8)
