@@ -1,10 +1,10 @@
-"""Grasp-aligned crops: what the cameras see around a grasp, resampled into the grasp's own square.
+"""Grasp-aligned crops: images around a grasp, resampled into a square that is aligned with it.
 
-Pixels become points, points go into the TCP frame, and the square is looked at along the approach:
-an orthographic height map whose rows follow the TCP's x and whose columns follow y, the closing
-direction. So a crop has the same scale and orientation for every camera, resolution and grasp,
-which is what grasp-quality networks take. The idea of an image that is aligned with the grasp is
-that of Dex-Net 2.0 (Mahler et al., 2017); here it is metric, and made from any number of views.
+Pixels become points, and points are transformed into the TCP frame. A crop is an orthographic
+height map along the approach: its rows follow the TCP's x, and its columns follow y, the closing
+direction. So a crop has the same scale and orientation for every camera, resolution and grasp, as
+grasp-quality networks need. Dex-Net 2.0 (Mahler et al., 2017) introduced images that are aligned
+with the grasp; here the image is metric, and made from any number of views.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from grasp_factory.core.linear import product, turned_back
 from grasp_factory.core.serialization import check, check_range, is_integer
 
 GLANCE = 1.7
-"""How much farther apart pixels lie on a table that is seen at 37 degrees, as by `front`."""
+"""Factor by which pixels are farther apart on a table that is seen at 37 degrees, as by `front`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CropShape:
-    """A square of the plane across the approach, centred on the TCP."""
+    """A square in the plane perpendicular to the approach, centred on the TCP."""
 
     size: int = 48
-    """Pixels a side."""
+    """Pixels per side."""
     extent: float = 0.168
-    """Metres a side: the iiwa's gripper, open, is 142 mm long."""
+    """Metres per side; the open gripper of the iiwa is 142 mm long."""
     reach: float = 0.15
-    """Metres before and behind the TCP, along the approach, beyond which points are left out."""
+    """Points farther than this from the TCP along the approach, metres, are left out."""
 
     def __post_init__(self) -> None:
         check(is_integer(self.size) and 8 <= self.size <= 512, "size", self.size, "8 to 512 pixels")
@@ -45,41 +45,41 @@ class CropShape:
 
     @property
     def cell(self) -> float:
-        """Metres a pixel."""
+        """Metres per pixel."""
         return self.extent / self.size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GraspRelief:
-    """What is seen of the square around one grasp, but for the colours.
+    """Heights and labels in the square around one grasp, without colours.
 
-    Row i, column j covers the square of the TCP's x and y, metres, whose corner of least x and y
-    lies ``CropShape.cell`` times (i, j) from that of the crop.
+    Row i, column j covers a square cell in the TCP's x and y. The cell's corner of least x and y is
+    ``CropShape.cell`` times (i, j), metres, from the crop's corner of least x and y.
     """
 
     height: NDArray[np.float32]
-    """(S, S) metres above the TCP, against the approach, of the highest point seen; NaN where none
-    is."""
+    """(S, S) height of the highest visible point above the TCP, against the approach, metres; NaN
+    where there is no point."""
     label: NDArray[np.uint8]
-    """(S, S) that point's value in the segmentation; 0 where none is."""
+    """(S, S) value of that point in the segmentation; 0 where there is no point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GraspCrop:
-    """What is seen of the square around one grasp; rows and columns as in ``GraspRelief``."""
+    """Heights, labels and colours around one grasp; rows and columns as in ``GraspRelief``."""
 
     height: NDArray[np.float32]
-    """(S, S) metres above the TCP of the highest point seen; NaN where none is."""
+    """(S, S) height of the highest visible point above the TCP, metres; NaN where there is none."""
     label: NDArray[np.uint8]
-    """(S, S) that point's value in the segmentation; 0 where none is."""
+    """(S, S) value of that point in the segmentation; 0 where there is no point."""
     rgb: NDArray[np.uint8]
-    """(S, S, 3) its colour; 0 where none is."""
+    """(S, S, 3) colour of that point; 0 where there is no point."""
 
 
 def grasp_relief(
     images: Iterable[CameraImage], T_world_tcp: Array, shape: CropShape | None = None
 ) -> GraspRelief:
-    """Return a grasp's crop without colours, which nothing reads then; see ``grasp_crop``."""
+    """Return a grasp's crop without colours, and do not read them; see ``grasp_crop``."""
     shape = shape or CropShape()
     height, sources = _sources(images, T_world_tcp, shape)
     return GraspRelief(height=height, label=_labels(sources, shape))
@@ -88,18 +88,19 @@ def grasp_relief(
 def grasp_crop(
     images: Iterable[CameraImage], T_world_tcp: Array, shape: CropShape | None = None
 ) -> GraspCrop:
-    """Return the crop of a grasp from what one or several cameras see.
+    """Return the crop of a grasp from the images of one or several cameras.
 
-    A pixel whose depth is 0, NaN or infinite shows nothing. Pixels that are coarser than the crop's
-    are cut into parts, so that a plane has no holes. Of points of one height the last one counts.
+    A pixel whose depth is 0, NaN or infinite has no point. Pixels that are coarser than the crop's
+    are divided into parts, so that a plane has no holes. Of points with the same height in a cell,
+    the last one counts.
 
-    The same images, grasp and shape give the same bytes, whatever else is asked for: all sums are
-    of three terms, in one order, in single precision, which is a micrometre's tenth at a metre.
+    The same images, grasp and shape always yield the same bytes: all sums have three terms, in one
+    order, in single precision, which is 0.1 micrometre at one metre.
 
     Args:
-        images: Of the scene, of any resolution.
+        images: Images of the scene, of any resolution.
         T_world_tcp: The grasp, (4, 4).
-        shape: Of the crop; None for the default.
+        shape: Shape of the crop; None for the default.
     """
     shape = shape or CropShape()
     height, sources = _sources(images, T_world_tcp, shape)
@@ -114,14 +115,14 @@ def grasp_crop(
 
 
 _Sources = list[tuple[CameraImage, NDArray[np.int64]]]
-"""Each image with the number of the pixel, row by row, that a cell (S * S,) has from it, else -1;
-of two images that have a cell the later one counts."""
+"""Each image, and for each cell (S * S,) the index of its pixel, row by row, or -1 if it has none.
+If two images have a pixel for a cell, the later image counts."""
 
 
 def _sources(
     images: Iterable[CameraImage], T_world_tcp: Array, shape: CropShape
 ) -> tuple[NDArray[np.float32], _Sources]:
-    """Return the heights (S, S), NaN where nothing is seen, and where they come from."""
+    """Return the heights (S, S), NaN where no point is visible, and their pixels."""
     height = np.full(shape.size * shape.size, -np.inf, np.float32)
     sources: _Sources = []
     for image in images:
@@ -142,18 +143,18 @@ def _labels(sources: _Sources, shape: CropShape) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Window:
-    """The part of an image in which a box shows, its pixels cut into parts."""
+    """The part of an image in which a box is visible, with its pixels divided into parts."""
 
     rows: slice
     columns: slice
     parts: int
-    """Of a pixel's side."""
+    """Number of parts along each side of a pixel."""
 
     def depth(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the depth (H', W') of the parts, from that of an image (H, W).
+        """Return the depth (H', W') of the parts, from the depth of an image (H, W).
 
-        Within a pixel it follows the surface, as a plane that goes on to that neighbour to which
-        the depth changes less. So a plane stays one, and an edge stays where it is.
+        Within a pixel the depth follows a plane towards the neighbour to which the depth changes
+        less. So a plane stays a plane, and an edge stays where it is.
         """
         if self.parts == 1:
             return np.ascontiguousarray(image[self.rows, self.columns])  # it is read four times
@@ -181,7 +182,7 @@ class _Window:
             return np.asarray(1.0 / parts.reshape(height, width))
 
     def pixel(self, part: NDArray[np.int64], width: int) -> NDArray[np.int64]:
-        """Return the number, in an image so wide, of the pixel that a part is of; -1 for -1."""
+        """Return the index of the pixel that contains a part, for an image width; -1 for -1."""
         across = max(1, (self.columns.stop - self.columns.start) * self.parts)
         row, column = np.divmod(part, across)
         if self.parts > 1:
@@ -190,17 +191,17 @@ class _Window:
         return np.where(part >= 0, pixel, -1)
 
     def rays(self, K: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the tangents of its columns' rays, (W',), and of its rows', (H', 1)."""
+        """Return the tangents of the rays of its columns, (W',), and of its rows, (H', 1)."""
         u = _tangents(self.columns, self.parts, K[0, 2], K[0, 0])
         v = _tangents(self.rows, self.parts, K[1, 2], K[1, 1])
         return u, v[:, None]
 
 
 def _bend(nearness: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
-    """Return the change per pixel along an axis, of a plane's inverse depth the same everywhere.
+    """Return the change of inverse depth per pixel along an axis; on a plane it is constant.
 
-    Of the changes to both neighbours it is the smaller one, and 0 where they differ in sign or one
-    is unknown: the minmod limiter of Roe (1986).
+    It is the smaller one of the changes to the two neighbours. It is 0 where they differ in sign or
+    one is unknown: the minmod limiter of Roe (1986).
     """
     step = np.diff(nearness, axis=axis)
     none = np.zeros_like(np.take(nearness, [0], axis=axis))
@@ -214,16 +215,16 @@ def _highest(
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Return the greatest height that an image shows in each cell, (S * S,), and its pixel.
 
-    The pixel is its number, row by row, and -1 where the image shows nothing.
+    The pixel is an index, row by row, and -1 where the image shows no point.
     """
     T_tcp_camera = product(inverse(T_world_tcp), image.T_world_camera)
     window = _window(image, T_tcp_camera, shape)
     depth, (u, v) = window.depth(image.depth), window.rays(image.intrinsics)
     places = []
-    with np.errstate(invalid="ignore", over="ignore"):  # depths without a value
+    with np.errstate(invalid="ignore", over="ignore"):  # invalid depths
         for a, b, c, t in _in_cells(T_tcp_camera, shape):
             place = (a * u + c) + b * v
-            place *= depth  # in place, as fresh memory costs more than the sums
+            place *= depth  # in place: new memory costs more time than the sums
             place += t
             places.append(place)
     row, column, z = places
@@ -235,17 +236,17 @@ def _highest(
     seen = np.flatnonzero(inside)
     row_of, column_of = (place.take(seen).astype(np.int64) for place in (row, column))
     cell = row_of * shape.size + column_of
-    height = 0.0 - z.take(seen)  # never -0.0, which is other bytes
+    height = 0.0 - z.take(seen)  # never -0.0, whose bytes differ from 0.0
     highest = np.full(shape.size * shape.size, -np.inf, np.float32)
     np.maximum.at(highest, cell, height)
     top = np.flatnonzero(height == highest.take(cell))
     which = np.full(shape.size * shape.size, -1, np.int64)
-    which[cell.take(top)] = seen.take(top)  # of several the last one stays
+    which[cell.take(top)] = seen.take(top)  # the last one of several counts
     return highest, window.pixel(which, image.depth.shape[1])
 
 
 def _in_cells(T_tcp_camera: Array, shape: CropShape) -> NDArray[np.float32]:
-    """Return what maps points of the camera to rows and columns of the crop and z, (3, 4)."""
+    """Return the matrix (3, 4) that maps camera points to rows, columns and z of the crop."""
     per_metre = 1.0 / shape.cell
     out = T_tcp_camera[:3] * np.array([[per_metre], [per_metre], [1.0]])
     out[:2, 3] += shape.size / 2.0
@@ -253,13 +254,14 @@ def _in_cells(T_tcp_camera: Array, shape: CropShape) -> NDArray[np.float32]:
 
 
 _CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-"""Of a box about the origin whose half sides are 1, (8, 3)."""
+"""Corners, (8, 3), of a box around the origin whose half sides are 1."""
 
 
 def _window(image: CameraImage, T_tcp_camera: Array, shape: CropShape) -> _Window:
-    """Return where the box shows that the crop looks into; the whole image if it is around it.
+    """Return the part of an image in which the crop's box is visible.
 
-    Pixels get as many parts as it takes for a plane to have no holes.
+    It is the whole image if a part of the box is behind the camera. Pixels are divided into enough
+    parts that a plane has no holes.
     """
     half = shape.extent / 2.0
     at_tcp = _CORNERS * np.array([half, half, shape.reach])
@@ -267,7 +269,7 @@ def _window(image: CameraImage, T_tcp_camera: Array, shape: CropShape) -> _Windo
     height, width = image.depth.shape
     spacing = GLANCE * float(corners[:, 2].max()) / float(image.intrinsics[0, 0])
     parts = max(1, math.ceil(spacing / shape.cell))
-    if corners[:, 2].min() <= 0.0:  # a part of it is behind the camera
+    if corners[:, 2].min() <= 0.0:  # a part of the box is behind the camera
         return _Window(rows=slice(0, height), columns=slice(0, width), parts=parts)
     pixels = project(corners, image.intrinsics)
     (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()

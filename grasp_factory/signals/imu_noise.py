@@ -1,8 +1,9 @@
-"""A noise model for the IMU, applied when reading: what is stored is the noiseless signal.
+"""A noise model for the IMU, applied when reading: the store holds the noiseless signal.
 
-Convention: a noise density N is that of IEEE Std 952 and of Kalibr, the strength of continuous
-white noise. Sampled at a rate it has a standard deviation of ``N * sqrt(rate)``, and its Allan
-deviation at averaging time tau is ``N / sqrt(tau)``. A bias walk K gives ``K * sqrt(tau / 3)``.
+Convention, as in IEEE Std 952 and Kalibr: a noise density N is the strength of continuous white
+noise. Sampled at a rate, this noise has a standard deviation of ``N * sqrt(rate)``, and its Allan
+deviation at averaging time tau is ``N / sqrt(tau)``. The Allan deviation of a bias walk K is
+``K * sqrt(tau / 3)``.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ class TriadNoise:
     noise_density: _Triple
     """White noise, u/sqrt(Hz), per axis."""
     turn_on_bias: float
-    """Standard deviation, u, of the constant offset that each start draws per axis."""
+    """Standard deviation, u, of the constant offset that is drawn per axis at each start."""
     bias_walk: float
     """Random walk of the bias, u/s/sqrt(Hz)."""
     full_scale: float
-    """u: the output saturates at minus this and at one resolution below plus this."""
+    """u; the output saturates at minus this value and at one resolution below plus this value."""
     resolution: float
-    """u per count; 0 does not quantise."""
+    """u per count; 0 for no quantisation."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no noise.
+        """Check that no value is negative or NaN.
 
         Raises:
             UsageError: naming the value.
@@ -60,7 +61,7 @@ class ImuNoise:
 
 
 class ImuReading(NamedTuple):
-    """What a noisy IMU would have shown."""
+    """The signals that a noisy IMU would have measured."""
 
     specific_force: Array
     """(U, 3) m/s2, in the IMU's frame."""
@@ -69,10 +70,10 @@ class ImuReading(NamedTuple):
 
 
 def walk_of_floor(noise_density: float, floor: float) -> float:
-    """Return the bias walk K with which the Allan deviation has its minimum at ``floor``.
+    """Return the bias walk K for which the minimum of the Allan deviation is ``floor``.
 
-    Its square, ``N^2 / tau + K^2 tau / 3``, is least at ``tau = sqrt(3) N / K``: there it is
-    ``2 N K / sqrt(3)``.
+    The square of the deviation, ``N^2 / tau + K^2 tau / 3``, has its minimum, ``2 N K / sqrt(3)``,
+    at ``tau = sqrt(3) N / K``.
     """
     return math.sqrt(3.0) * floor**2 / (2.0 * noise_density)
 
@@ -80,9 +81,9 @@ def walk_of_floor(noise_density: float, floor: float) -> float:
 def bmi088(accelerometer_g: float = 6.0, gyroscope_deg_s: float = 2000.0) -> ImuNoise:
     """Return the noise of Bosch's BMI088 (datasheet BST-BMI088-DS001) in one of its ranges.
 
-    What the datasheet does not give is an assumption, named so at its line. Datasheet densities are
-    taken as N; a BMI088 whose Allan deviation was measured showed 0.016 deg/s/sqrt(Hz) by that
-    convention against the datasheet's 0.014 (https://jpieper.com/tag/allan_variance/).
+    Values that the datasheet does not state are assumptions; comments mark them. Datasheet
+    densities are used as N. A measured Allan deviation of a BMI088 yields 0.016 deg/s/sqrt(Hz) in
+    this convention; the datasheet states 0.014 (https://jpieper.com/tag/allan_variance/).
 
     Args:
         accelerometer_g: 3, 6 (after reset), 12 or 24.
@@ -99,8 +100,8 @@ def bmi088(accelerometer_g: float = 6.0, gyroscope_deg_s: float = 2000.0) -> Imu
             raise UsageError(f"BMI088: {name} {value}: valid: {', '.join(map(str, valid))}")
     g, degree, bits = STANDARD_GRAVITY, math.pi / 180.0, 2**15
     density = 0.014 * degree  # output noise density, typical
-    # Assumption: the datasheet gives no bias instability; 6.5 deg/h is the floor of the measurement
-    # named above, reached after two minutes. The accelerometer's floor is put at the same time.
+    # Assumption: the datasheet has no bias instability; 6.5 deg/h is the floor of the measurement
+    # above, at two minutes. The accelerometer is assumed to have its floor at the same time.
     walk = walk_of_floor(density, 6.5 * degree / 3600.0)
     return ImuNoise(
         accelerometer=TriadNoise(
@@ -121,7 +122,7 @@ def bmi088(accelerometer_g: float = 6.0, gyroscope_deg_s: float = 2000.0) -> Imu
 
 
 BMI088 = bmi088()
-"""With the ranges that it has after a reset: 6 g and 2000 deg/s."""
+"""The BMI088 with its ranges after a reset: 6 g and 2000 deg/s."""
 
 
 def apply(
@@ -131,7 +132,7 @@ def apply(
     rate_hz: float,
     seed: int | Sequence[int],
 ) -> ImuReading:
-    """Return what a noisy IMU would have shown.
+    """Return the signals that a noisy IMU would have measured.
 
     Per axis: signal + turn-on bias + random walk + white noise, then saturated and rounded to
     counts. Scale errors, misalignment, temperature and the sensor's low-pass filter are left out.
@@ -141,9 +142,10 @@ def apply(
         specific_force: (U, 3) m/s2, in the IMU's frame.
         angular_velocity: (U, 3) rad/s, in the IMU's frame.
         rate_hz: Samples per second of both.
-        seed: The same seed gives the same noise; ``[seed, episode_index]`` gives each episode its
-            own. Each kind of noise has a stream of its own: a longer series starts with the same
-            noise as a shorter one, and changing the gyroscope leaves the accelerometer alone.
+        seed: The same seed yields the same noise; ``[seed, episode_index]`` yields different noise
+            for each episode. Each kind of noise has its own random stream: a longer series starts
+            with the same noise as a shorter one, and a change of the gyroscope does not change the
+            noise of the accelerometer.
 
     Raises:
         UsageError: for a rate that is not positive.
@@ -160,7 +162,7 @@ def apply(
 def _corrupt(
     triad: TriadNoise, signal: Array, rate_hz: float, seeds: np.random.SeedSequence
 ) -> Array:
-    """Return a signal (U, 3) as the triad would show it."""
+    """Return a signal (U, 3) as the triad would measure it."""
     start, white, walk = (np.random.default_rng(child) for child in seeds.spawn(3))
     bias = triad.turn_on_bias * start.standard_normal(3)
     steps = triad.bias_walk / math.sqrt(rate_hz) * walk.standard_normal(signal.shape)

@@ -1,4 +1,4 @@
-"""An attempt's series as curves for people: in groups with units, over one clock, with phases."""
+"""Series of an attempt as curves for people: in groups with units and clocks, and with phases."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class CurveGroup:
     title: str
     units: str
     clock: str
-    """Whose times they have: ``streams`` or ``imu``."""
+    """Source of the curves' times: ``streams`` or ``imu``."""
     names: tuple[str, ...]
     """One for each curve."""
     values: NDArray[Any]
@@ -37,13 +37,13 @@ class CurveGroup:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhaseSpan:
-    """A stretch of records of one phase."""
+    """Consecutive records of one phase."""
 
     name: str
     start: float
     """Time of its first record, seconds."""
     end: float
-    """Time of the next phase's first record; of its own last one where none follows."""
+    """Time of the next phase's first record; in the last phase, time of its own last record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +57,9 @@ class Moment:
 def curve_groups(
     streams: Series, imu: Series, object_com: Array, rest_height: float
 ) -> tuple[CurveGroup, ...]:
-    """Return what an attempt recorded, group by group, always in the same order.
+    """Return the recorded series of an attempt in groups, always in the same order.
 
-    A group whose arrays are not there is left out: stores of older versions lack some.
+    A group is left out if its arrays are missing: stores of older versions lack some.
 
     Args:
         streams: ``Episode.streams``.
@@ -103,12 +103,12 @@ def curve_groups(
 
 
 def pad_forces(streams: Series) -> Array:
-    """Return the normal force on each pad over time, whatever it touches, (n, 2) newtons."""
+    """Return the normal force on each pad over time, from all bodies, (n, 2) newtons."""
     return np.asarray(contact_values(streams).sum(axis=2))
 
 
 def phase_spans(streams: Series) -> tuple[PhaseSpan, ...]:
-    """Return the stretches of records of one phase, in order; none without records."""
+    """Return the spans of consecutive records of one phase, in order; empty without records."""
     phase, times = streams["phase"], streams["timestamp"]
     if not len(phase):
         return ()
@@ -128,7 +128,7 @@ def touch_moments(streams: Series) -> tuple[Moment, ...]:
     """Return up to three records at which to look at the pads, in order of time.
 
     They are the end of the closing, the largest force on both pads together, and the end of the
-    hold (or of the attempt); those at which nothing touches, and repeated ones, are left out.
+    hold (or of the attempt). Records without contact and repeated records are left out.
     """
     force = pad_forces(streams).sum(axis=1)
     if not (force > 0.0).any():

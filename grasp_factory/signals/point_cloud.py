@@ -1,4 +1,4 @@
-"""Point clouds: what cameras see, as coloured and labelled points in a frame of one's choice."""
+"""Point clouds: coloured and labelled points from camera images, in a frame that can be chosen."""
 
 from __future__ import annotations
 
@@ -21,10 +21,13 @@ FRAMES: Mapping[str, str] = {
     "grasp": "the grasp's: where the TCP was to close",
     "object": "the target's own, as it lay at the image",
 }
-"""What the points of a cloud may be in, by name."""
+"""Frames in which a cloud can be, by name."""
 
 FAR_SHARE = 1.0 - 1e-4
-"""Of the far plane's distance: nothing is seen from here on. z-buffers hit it not quite exactly."""
+"""Share of the far plane's distance: at this depth or more, nothing is visible.
+
+z-buffers do not represent the far plane exactly.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,7 +46,7 @@ class PointCloud:
         return len(self.labels)
 
     def moved(self, T: Array) -> PointCloud:
-        """Return it with its points mapped through a transform (4, 4)."""
+        """Return the cloud with its points mapped by a transform (4, 4)."""
         return replace(self, points=apply(T, self.points))
 
 
@@ -51,9 +54,9 @@ def visible_cloud(image: CameraImage, far: float, shown: NDArray[np.bool_]) -> P
     """Return the cloud, world frame, of an image's pixels that have a depth and a label ``shown``.
 
     Args:
-        image: What the camera sees. A depth of 0, NaN or infinity is none.
-        far: Metres: depths from here on are nothing seen.
-        shown: Whether to take a label, by its value, (256,); see ``label_mask``.
+        image: Image of the camera. A depth of 0, NaN or infinity counts as no depth.
+        far: Far plane, metres: at this depth or more, nothing is visible.
+        shown: Whether to include a label, by its value, (256,); see ``label_mask``.
     """
     depth = image.depth
     has_depth = (depth > 0.0) & (depth < far * FAR_SHARE)
@@ -67,7 +70,7 @@ def visible_cloud(image: CameraImage, far: float, shown: NDArray[np.bool_]) -> P
 
 
 def joined(clouds: Sequence[PointCloud]) -> PointCloud:
-    """Return one cloud of one or more in the same frame."""
+    """Join one or more clouds in the same frame into one."""
     return PointCloud(
         points=np.concatenate([cloud.points for cloud in clouds]),
         rgb=np.concatenate([cloud.rgb for cloud in clouds]),
@@ -79,8 +82,8 @@ def label_mask(name: str, objects: int) -> NDArray[np.bool_]:
     """Return whether a label belongs to a part of the scene, by its value, (256,).
 
     Args:
-        name: ``scene`` for all there is, ``objects`` for the target and the others, or one label's
-            word: target, object_1, table, gripper, ...
+        name: ``scene`` for everything, ``objects`` for the target and the other objects, or the
+            name of one label: target, object_1, table, gripper, ...
         objects: How many objects there are in the scene.
 
     Raises:
@@ -88,7 +91,7 @@ def label_mask(name: str, objects: int) -> NDArray[np.bool_]:
     """
     words = label_names(objects)
     parts = {word: slice(value, value + 1) for value, word in enumerate(words)}
-    del parts[words[Label.BACKGROUND]]  # where nothing is seen there are no points
+    del parts[words[Label.BACKGROUND]]  # the background has no points
     parts |= {"scene": slice(None), "objects": slice(Label.TARGET, len(words))}
     chosen = np.zeros(256, np.bool_)
     chosen[lookup(parts, "part of the scene", name)] = True

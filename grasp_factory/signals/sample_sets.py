@@ -25,22 +25,23 @@ class TimeSets:
 def approximate_time(
     streams: Mapping[str, ArrayLike], slop: float = float("inf"), age_penalty: float = 0.0
 ) -> TimeSets:
-    """Return the sets that ROS's ApproximateTime policy forms, and what it leaves out.
+    """Return the sets that ROS's ApproximateTime policy forms, and the samples that it leaves out.
 
-    The C++ policy of message_filters (http://wiki.ros.org/message_filters/ApproximateTime):
-    a sample is in one set at most; sets do not cross; the pivot of a set is the latest of the
-    samples that are first in line, and of the sets that start no later than it the one with
-    the smallest span is taken, the earliest of equals. rospy's ApproximateTimeSynchronizer is
-    another thing: it takes the first set within the slop, so it depends on the order of arrival.
+    This is the C++ policy of message_filters (http://wiki.ros.org/message_filters/ApproximateTime).
+    A sample is in one set at most, and sets do not cross. The pivot of a set is the latest of the
+    next samples of all series. Of the sets that start no later than the pivot, the policy takes
+    the one with the smallest span, and the earliest one of equal spans. rospy's
+    ApproximateTimeSynchronizer is different: it takes the first set within the slop, so its result
+    depends on the order of arrival.
 
-    All samples are there at once, so no queue overflows, and where a series ends its last
-    set is formed; a live node would wait for more.
+    All samples are available at once, so no queue overflows. When a series ends, its last set is
+    formed; a live node would wait for more samples.
 
     Args:
         streams: Timestamps (N,) by name, seconds, ascending.
         slop: Longest span of a set, seconds, inclusive: the policy's ``MaxIntervalDuration``.
-        age_penalty: A later set must be smaller by this factor more. ROS's page says 0,
-            its C++ code starts with 0.1.
+        age_penalty: A later set must be smaller by this additional factor. ROS's page says 0; the
+            default of its C++ code is 0.1.
 
     Raises:
         UsageError: for times that do not ascend, or no series at all.
@@ -63,7 +64,8 @@ def _approximate_sets(
 ) -> list[tuple[int, ...]]:
     """Return the sets as indices, one per series.
 
-    ``best`` is the candidate, or without one the first samples in line; ``head`` looks beyond it.
+    ``best`` is the candidate set; without a candidate it is the next sample of each series.
+    ``head`` searches beyond it.
     """
     sets: list[tuple[int, ...]] = []
     best = [0] * len(ticks)

@@ -1,6 +1,6 @@
-"""One clock: series of different rates on one timeline, and what could not be matched.
+"""Series of different rates on one timeline, with a mask of the instants that were matched.
 
-Times are seconds and are compared as whole nanoseconds, as in ROS, so that a slop of 0.1 means 0.1.
+Times are seconds and are compared as whole nanoseconds, as in ROS, so a slop of 0.1 is exact.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ class Aligned(NamedTuple):
     values: NDArray[Any]
     """(K, ...); NaN, or 0 for whole numbers, where nothing matched."""
     matched: NDArray[np.bool_]
-    """(K,): False where ``values`` says nothing."""
+    """(K,): False where ``values`` is not valid."""
 
 
 def nearest(times: ArrayLike, values: ArrayLike, at: ArrayLike, slop: float) -> Aligned:
-    """Return for each instant the sample nearest to it, if one is near enough.
+    """Return the nearest sample for each instant, if it is within ``slop``.
 
-    A sample may serve several instants. Of two that are equally near the earlier one is taken.
+    A sample may match several instants. If two samples are equally near, the earlier one is taken.
 
     Args:
         times: (N,) seconds, ascending.
         values: (N, ...) of any type.
         at: (K,) seconds, in any order.
-        slop: Seconds that a sample may be away, inclusive.
+        slop: Largest distance of a sample from an instant, seconds, inclusive.
 
     Raises:
         UsageError: for times that do not ascend.
@@ -53,9 +53,9 @@ def nearest(times: ArrayLike, values: ArrayLike, at: ArrayLike, slop: float) -> 
 
 
 def linear(times: ArrayLike, values: ArrayLike, at: ArrayLike) -> Aligned:
-    """Return a series interpolated between its samples; never before the first or after the last.
+    """Return a series interpolated linearly between its samples, without extrapolation.
 
-    Not for quaternions (``slerp``), poses (``interpolate_poses``) or coded values (``nearest``).
+    Use ``slerp`` for quaternions, ``interpolate_poses`` for poses and ``nearest`` for coded values.
 
     Args:
         times: (N,) seconds, ascending.
@@ -71,19 +71,19 @@ def linear(times: ArrayLike, values: ArrayLike, at: ArrayLike) -> Aligned:
     values = np.asarray(values, np.float64)
     out, (before, after, part) = _between(times, values, at)
     weight = part.reshape(-1, *[1] * (values.ndim - 1))
-    # A step from the sample before: exact on the samples, and for a series that stands still.
+    # A step from the previous sample: exact at the samples, and for a constant series.
     out.values[out.matched] = values[before] + weight * (values[after] - values[before])
     return out
 
 
 def slerp(times: ArrayLike, quat_xyzw: ArrayLike, at: ArrayLike) -> Aligned:
-    """Return orientations interpolated at constant angular velocity, the short way round.
+    """Return orientations interpolated at constant angular velocity, by the shorter rotation.
 
     Spherical linear interpolation (Shoemake 1985): ``q`` and ``-q`` count as the same orientation.
 
     Args:
         times: (N,) seconds, ascending.
-        quat_xyzw: (N, ..., 4); need not be unit.
+        quat_xyzw: (N, ..., 4); any norm above 0.
         at: (K,) seconds, in any order.
 
     Returns:
@@ -97,10 +97,10 @@ def slerp(times: ArrayLike, quat_xyzw: ArrayLike, at: ArrayLike) -> Aligned:
     out, (before, after, part) = _between(times, quats, at)
     a, b = quats[before], quats[after]
     b = np.where((a * b).sum(axis=-1, keepdims=True) < 0.0, -b, b)
-    # Half the chord is the sine of half the angle: well conditioned for small ones.
+    # Half the chord is the sine of half the angle: well conditioned for small angles.
     angle = 2.0 * np.arcsin(np.clip(np.linalg.norm(b - a, axis=-1, keepdims=True) / 2.0, 0.0, 1.0))
     w = part.reshape(-1, *[1] * (quats.ndim - 1))
-    # sin(w angle) / sin(angle), with its limit w for no angle; sinc(x) is sin(pi x) / (pi x).
+    # sin(w angle) / sin(angle), with its limit w at angle 0; sinc(x) is sin(pi x) / (pi x).
     share_b = w * np.sinc(w * angle / np.pi) / np.sinc(angle / np.pi)
     share_a = (1.0 - w) * np.sinc((1.0 - w) * angle / np.pi) / np.sinc(angle / np.pi)
     q = share_a * a + share_b * b
@@ -109,7 +109,7 @@ def slerp(times: ArrayLike, quat_xyzw: ArrayLike, at: ArrayLike) -> Aligned:
 
 
 def interpolate_poses(times: ArrayLike, poses: ArrayLike, at: ArrayLike) -> Aligned:
-    """Return poses (N, ..., 7) on another timeline: positions by ``linear``, the rest by ``slerp``.
+    """Return poses on another timeline: positions by ``linear``, orientations by ``slerp``.
 
     Args:
         times: (N,) seconds, ascending.
@@ -128,7 +128,7 @@ def nanoseconds(seconds: ArrayLike, name: str = "time") -> Ticks:
     """Return seconds as whole nanoseconds.
 
     Raises:
-        UsageError: for what is not finite, such as the padding of a store's series.
+        UsageError: for values that are not finite, such as the padding of a store's series.
     """
     seconds = np.asarray(seconds, np.float64)
     if not np.isfinite(seconds).all():
@@ -157,7 +157,7 @@ def slop_ticks(slop: float) -> float:
     """Return a slop in nanoseconds; it may be infinite.
 
     Raises:
-        UsageError: if it is negative or no number.
+        UsageError: if it is negative or NaN.
     """
     if not slop >= 0.0:
         raise UsageError(f"slop {slop}: valid: 0 s or more")
@@ -175,7 +175,10 @@ def _nothing(count: int, values: NDArray[Any]) -> Aligned:
 def _between(
     times: ArrayLike, values: Array, at: ArrayLike
 ) -> tuple[Aligned, tuple[NDArray[np.intp], NDArray[np.intp], Array]]:
-    """Return what is matched, and of that the samples before and after and the part of the way."""
+    """Return an alignment, and for its matched instants the samples around them and the fraction.
+
+    The samples are indices before and after an instant; the fraction is of the way between them.
+    """
     ticks, wanted = ticks_of(times, "times"), nanoseconds(at)
     out = _nothing(len(wanted), values)
     if len(ticks):

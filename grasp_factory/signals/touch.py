@@ -1,4 +1,4 @@
-"""Touch as a sensor would show it: taxel images and centres of pressure from stored contacts.
+"""Touch as a sensor would measure it: taxel images and centres of pressure from stored contacts.
 
 The pad's frame: origin at the middle of the pad's face, +x along its width (columns), +z along its
 height towards the fingertip (rows), y the closing axis. The axes of both pads are parallel to the
@@ -25,8 +25,8 @@ def contact_values(streams: Streams, component: str = "normal", body: int | None
         component: ``normal`` along the contact's own normal, never negative (its sum is
             ``labels.pad_normal_force``); ``x``, ``y`` or ``z`` along an axis of the pad, signed:
             x and z are the shear of a contact with the pad's face.
-        body: A label of ``tactile_body``: only contacts with it count. None takes all, as a real
-            pad does.
+        body: A label of ``tactile_body``: only contacts with this body count. With None, all
+            contacts count, as in a real pad.
 
     Returns:
         (T, 2, P) newtons, 0 where there is no contact.
@@ -46,11 +46,11 @@ def contact_values(streams: Streams, component: str = "normal", body: int | None
 def taxel_centers(pad_size: tuple[float, float], rows: int, columns: int) -> Array:
     """Return x and z of each taxel's centre in the pad's frame, (rows, columns, 2) metres.
 
-    The outermost centres lie on the pad's edges, row 0 at the lowest z (the palm's side), column 0
+    The outermost centres are on the pad's edges, row 0 at the lowest z (the palm's side), column 0
     at the lowest x.
 
     Raises:
-        UsageError: with fewer than two rows or columns, which cannot say where a force acts.
+        UsageError: with fewer than two rows or columns, which cannot show where a force acts.
     """
     for name, count in (("rows", rows), ("columns", columns)):
         if count < 2:
@@ -72,15 +72,15 @@ def taxel_image(
     """Return the force on each taxel of both pads over time.
 
     A contact's force goes to the four taxels around it with bilinear weights (the cloud-in-cell
-    scheme of particle codes, Hockney & Eastwood 1988). The weights sum to 1 and their mean place is
-    the contact's, so the image has the contacts' total force and their centre of pressure exactly,
-    at any resolution. A contact beyond the pad's edge counts at the nearest place on the edge: the
-    total stays exact, the centre of pressure moves by as much.
+    scheme of particle codes, Hockney & Eastwood 1988). The weights sum to 1, and their mean
+    position is the contact's. So the image has exactly the contacts' total force and centre of
+    pressure, at any resolution. A contact beyond the pad's edge counts at the nearest point on the
+    edge: the total stays exact, and the centre of pressure moves accordingly.
 
     Args:
         streams: ``Episode.streams``, or any mapping with its ``tactile_*`` arrays.
         pad_size: Width and height, metres: ``dataset.attributes["robot"]["pad_size"]``.
-        rows: Taxels along z; see ``taxel_centers`` for where they lie.
+        rows: Taxels along z; see ``taxel_centers`` for their positions.
         columns: Taxels along x.
         component: See ``contact_values``.
         body: See ``contact_values``.
@@ -92,7 +92,7 @@ def taxel_image(
         UsageError: with fewer than two rows or columns.
         UnknownNameError: for an unknown component.
     """
-    taxel_centers(pad_size, rows, columns)  # refuses what has no image
+    taxel_centers(pad_size, rows, columns)  # checks rows and columns
     values = contact_values(streams, component, body)
     samples, pads, _ = values.shape
     point = np.nan_to_num(np.asarray(streams["tactile_position"], np.float64))
@@ -109,7 +109,7 @@ def taxel_image(
 def center_of_pressure(streams: Streams, body: int | None = None) -> Array:
     """Return where the normal force acts on each pad.
 
-    The mean of the contact points, weighted with their normal forces.
+    It is the mean of the contact points, weighted by their normal forces.
 
     Returns:
         (T, 2, 2): x and z in the pad's frame, metres; NaN where nothing touches.
@@ -123,12 +123,13 @@ def center_of_pressure(streams: Streams, body: int | None = None) -> Array:
 
 
 def net_wrench(points: ArrayLike, forces: ArrayLike) -> Array:
-    """Return the wrench of forces about the origin of the frame that they are given in.
+    """Return the wrench of forces about the origin of their frame.
 
-    Of a pad's stored contacts it is ``tactile_wrench``, unless more points touched than are stored.
+    For a pad's stored contacts it is ``tactile_wrench``, unless the pad had more contacts than are
+    stored.
 
     Args:
-        points: (..., P, 3) metres; NaN where there is none.
+        points: (..., P, 3) metres; NaN where there is no point.
         forces: (..., P, 3) newtons, at the points.
 
     Returns:
@@ -140,7 +141,7 @@ def net_wrench(points: ArrayLike, forces: ArrayLike) -> Array:
 
 
 def _cells(place: Array, size: float, count: int) -> tuple[NDArray[np.intp], Array]:
-    """Return the taxel before each place along an axis and how far the place is to the next."""
+    """Return the taxel before each position along an axis, and the fraction to the next taxel."""
     u = np.clip((place / size + 0.5) * (count - 1), 0.0, count - 1.0)
     before = np.minimum(u.astype(np.intp), count - 2)
     return before, u - before

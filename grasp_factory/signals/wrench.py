@@ -1,7 +1,7 @@
-"""The wrist's force-torque sensor, as one works with a real one: calibrate, tare, compensate.
+"""Calibrate, tare and gravity-compensate the wrist's force-torque sensor, as with a real one.
 
 A wrench is (..., 6): force N and torque N m about the sensor's origin, in the sensor's axes, which
-are parallel to the TCP frame's. It is the load that the tool puts on the sensor.
+are parallel to the TCP frame's. It is the load that the tool exerts on the sensor.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ GRAVITY = (0.0, 0.0, -9.81)
 def calibrate(raw: ArrayLike, matrix: ArrayLike, bias: ArrayLike) -> Array:
     """Return wrenches from a sensor's raw channels: ``matrix @ (raw - bias)``.
 
-    The form in which makers of strain-gauge sensors give their calibration. With the identity
-    and a zero bias a simulated wrench stays what it is; with another matrix (cross-talk, a wrong
-    gain) it becomes a badly calibrated one.
+    Makers of strain-gauge sensors state their calibration in this form. The identity and a zero
+    bias do not change a simulated wrench. Another matrix (cross-talk, a wrong gain) makes it the
+    wrench of a badly calibrated sensor.
 
     Args:
         raw: (T, 6) channels, in any unit.
@@ -32,7 +32,7 @@ def calibrate(raw: ArrayLike, matrix: ArrayLike, bias: ArrayLike) -> Array:
         (T, 6) wrenches.
 
     Raises:
-        UsageError: naming the array with another shape.
+        UsageError: naming the array that has a wrong shape.
     """
     matrix, bias = np.asarray(matrix, np.float64), np.asarray(bias, np.float64)
     for name, array, shape in (("matrix", matrix, (6, 6)), ("bias", bias, (6,))):
@@ -42,9 +42,9 @@ def calibrate(raw: ArrayLike, matrix: ArrayLike, bias: ArrayLike) -> Array:
 
 
 def tare(wrench: ArrayLike, window: slice | NDArray[np.bool_]) -> Array:
-    """Return wrenches less their mean over a window without load.
+    """Return wrenches minus their mean over a window without load.
 
-    The tool's weight is part of that mean, in the orientation that it had there: where the hand
+    That mean includes the tool's weight in the orientation that it has in the window. If the hand
     turns later, compensate gravity first.
 
     Args:
@@ -64,7 +64,7 @@ def tare(wrench: ArrayLike, window: slice | NDArray[np.bool_]) -> Array:
 def rotations(pose: ArrayLike) -> Array:
     """Return the rotation matrices (..., 3, 3) of poses (..., 7) or quaternions xyzw (..., 4).
 
-    Of ``tcp_pose`` they are ``R_world_sensor``: the sensor's axes are parallel to the TCP frame's.
+    For ``tcp_pose`` they are ``R_world_sensor``: the sensor's axes are parallel to the TCP frame's.
     """
     return quat_xyzw_to_matrix(np.asarray(pose, np.float64)[..., -4:])
 
@@ -75,14 +75,14 @@ def tool_load(
     tool_com: ArrayLike,
     gravity: ArrayLike = GRAVITY,
 ) -> Array:
-    """Return what a tool alone puts on the sensor: its weight, acting at its centre of mass.
+    """Return the load of a tool alone on the sensor: its weight, acting at its centre of mass.
 
     Args:
         R_world_sensor: (..., 3, 3).
         tool_mass: kg beyond the sensor: ``dataset.attributes["robot"]["tool_mass"]``.
-        tool_com: (3,) metres in the sensor's frame: ``["tool_com"]`` of the same.
-        gravity: (3,) or (..., 3) m/s2 in the world. Give gravity less the acceleration of the
-            tool's centre of mass for a hand that is accelerated without turning.
+        tool_com: (3,) metres in the sensor's frame: ``dataset.attributes["robot"]["tool_com"]``.
+        gravity: (3,) or (..., 3) m/s2 in the world. For a hand that accelerates without turning,
+            pass gravity minus the acceleration of the tool's centre of mass.
 
     Returns:
         (..., 6): ``[f, com x f]`` with ``f = m R^T g``.
@@ -99,9 +99,10 @@ def compensate_gravity(
     tool_com: ArrayLike,
     gravity: ArrayLike = GRAVITY,
 ) -> Array:
-    """Return wrenches less the tool's weight: the load from outside, at rest.
+    """Return wrenches minus the tool's weight: at rest, the external load.
 
-    In motion the tool's inertia remains in it. See ``tool_load`` for the arguments.
+    In motion the result also contains the tool's inertial load. See ``tool_load`` for the
+    arguments.
 
     Args:
         wrench: (..., 6) in the sensor's frame.

@@ -1,7 +1,7 @@
 """A noise model for depth cameras that triangulate: structured light and stereo.
 
-Convention: 0 where no depth is measured, as the drivers of such cameras give it. The clean store
-has ``far`` where nothing is seen.
+Convention: 0 where no depth is measured, as in the drivers of such cameras. The clean store has
+``far`` where nothing is visible.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from grasp_factory.signals.noise.occlusion import DepthImage, bends, incidence, 
 
 _DEGREE = math.pi / 180.0
 _NEAREST = 1e-3
-"""Metres: noise takes no depth nearer than this, where disparity ends."""
+"""Metres; noisy depths are at least this large, so that the disparity is finite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DepthNoise:
     """The imperfections of a depth camera.
 
-    Pixels are the sensor's own; in an image with another focal length they count in proportion.
+    Pixels are those of the sensor; for an image with another focal length they are scaled in
+    proportion.
     """
 
     focal_length: float
@@ -44,29 +45,29 @@ class DepthNoise:
     correlation: float
     """Pixels: standard deviation of the Gaussian that smooths the axial noise over the image."""
     lateral: float
-    """Pixels: standard deviation, in u and in v, of where a pixel beside an edge looks."""
+    """Pixels: standard deviation, in u and in v, of the shift of a pixel next to an edge."""
     disparity_step: float
-    """Pixels of disparity per count; 0 does not quantise."""
+    """Pixels of disparity per count; 0 for no quantisation."""
     edge_bend: float
     """Pixels: an edge is where the disparity's second difference exceeds this."""
     edge_loss: float
-    """Share of the pixels beside an edge that measure nothing."""
+    """Share of the pixels next to an edge that measure nothing."""
     grazing_loss: tuple[float, float]
-    """Incidence angles, rad: up to the first none is lost, from the second on all; linear between.
-    """
+    """Incidence angles, rad: up to the first no pixel is lost, from the second on all are lost, and
+    between them the share is linear."""
     reach: tuple[float, float]
     """Metres: nothing is measured nearer than the first or farther than the second."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no noise (``check_figures``)."""
+        """Check the figures (``check_figures``)."""
         check_figures(self)
 
     def sigma(self, z: ArrayLike, theta: ArrayLike = 0.0) -> Array:
         """Return the standard deviation of measured depth, metres, quantisation included.
 
-        ``floor + growth (z - origin)^2 + grazing / sqrt(z) (theta / (pi/2 - theta))^2``, the form
-        of Nguyen, Izadi & Lovell 2012; with the first alone of ``growth`` it is the law of any
-        stereo camera, ``z^2 subpixel / (f B)``.
+        It is ``floor + growth (z - origin)^2 + grazing / sqrt(z) (theta / (pi/2 - theta))^2``, the
+        form of Nguyen, Izadi & Lovell 2012. With ``growth`` alone and the other three 0, it is the
+        law of any stereo camera, ``z^2 subpixel / (f B)``.
 
         Args:
             z: Depth, metres.
@@ -78,7 +79,7 @@ class DepthNoise:
         return np.asarray(level + self.axial_grazing / np.sqrt(z) * steep)
 
     def count(self, z: ArrayLike) -> Array:
-        """Return the depth between two counts of disparity at a depth, metres."""
+        """Return the difference in depth between two counts of disparity at a depth, metres."""
         return np.asarray(z) ** 2 * self.disparity_step / (self.focal_length * self.baseline)
 
 
@@ -88,7 +89,7 @@ STRUCTURED_LIGHT = DepthNoise(
     focal_length=586.0,
     baseline=0.075,
     reach=(0.5, 5.0),
-    # Their depth resolution, 2.85e-5 z^2 cm, is that of steps of 1/8 pixel.
+    # Their depth resolution, 2.85e-5 z^2 cm, corresponds to steps of 1/8 pixel.
     disparity_step=0.125,
     # Nguyen, Izadi & Lovell 2012 ("Modeling Kinect Sensor Noise", 3DIMPVT): axial and lateral.
     axial_floor=0.0012,
@@ -96,7 +97,7 @@ STRUCTURED_LIGHT = DepthNoise(
     axial_origin=0.4,
     axial_grazing=0.0001,
     lateral=0.8,
-    # Assumptions: no source gives figures for these.
+    # Assumptions: no source states figures for these.
     correlation=0.0,
     edge_bend=1.0,
     edge_loss=0.5,
@@ -120,7 +121,7 @@ STEREO = DepthNoise(
     reach=(_D435_FOCAL * _D435_BASELINE / _D435_SEARCH, 10.0),
     # Intel, "Subpixel linearity improvement": disparities resolved to 1/32 pixel.
     disparity_step=1.0 / 32.0,
-    # Assumptions: a matcher compares windows, which smooths its errors and frays its edges.
+    # Assumptions: a matcher compares windows, so its errors are smooth and its edges irregular.
     correlation=2.0,
     lateral=1.0,
     edge_bend=1.0,
@@ -139,20 +140,21 @@ def corrupt(
 ) -> DepthImage:
     """Return a depth image as a triangulating camera would have measured it.
 
-    A pixel beside a depth edge looks a little aside. Then axial noise is added and the disparity
-    rounded. Nothing is measured out of reach, in the projector's (second camera's) shadow, at
-    grazing angles and at part of the edges.
+    A pixel next to a depth edge takes the depth of a pixel nearby. Then axial noise is added and
+    the disparity is rounded. Nothing is measured out of reach, in the shadow of the projector
+    (second camera), at grazing angles and at some pixels next to edges.
 
-    The measured sigma of Nguyen et al. has the quantisation in it, so the noise added is what
-    remains: ``sigma^2 - count^2 / 12``. The lateral noise is theirs too, measured at edges; on a
-    slanted surface its effect is in their axial figures already, and it is not added twice.
+    The measured sigma of Nguyen et al. includes the quantisation, so the added noise has the
+    remaining variance: ``sigma^2 - count^2 / 12``. The lateral noise is also theirs, measured at
+    edges. On a slanted surface their axial figures already include its effect, so it is not added
+    twice.
 
     Args:
         noise: The camera, e.g. ``STEREO``.
         depth: (H, W) metres along the optical axis, without noise.
         K: (3, 3) pixels.
-        far: Metres: depths from here on are nothing seen.
-        seed: The same seed gives the same image.
+        far: Far plane, metres: at this depth or more, nothing is visible.
+        seed: The same seed yields the same image.
 
     Returns:
         (H, W) metres, 0 where nothing was measured.
@@ -161,7 +163,7 @@ def corrupt(
     z = np.asarray(depth, np.float32)
     pixels = float(K[0, 0]) / noise.focal_length
     normal = _field(rng, z.shape, noise.correlation * pixels)
-    # A hair below far, which the z-buffer's rounding does not hit exactly.
+    # Slightly below far, which the z-buffer does not represent exactly.
     seen = (z > 0.0) & (z < far * (1.0 - 1e-4))
     inverse = np.divide(1.0, z, out=np.full_like(z, 1.0 / far), where=seen)
     focal_baseline = noise.focal_length * noise.baseline
@@ -183,13 +185,16 @@ def corrupt(
     inverse[beside], seen[beside] = inverse[looks_at], seen[looks_at]
     seen_z = np.asarray(1.0 / inverse, np.float32)
     lost |= ~seen | (seen_z < noise.reach[0]) | (seen_z > noise.reach[1])
-    # What is lost anyway must not divide by zero.
+    # Lost pixels must not cause a division by zero.
     measured = _measure(noise, seen_z, np.minimum(theta, np.float32(min(last, 1.57))), normal)
     return np.where(lost, np.float32(0.0), measured)
 
 
 def _measure(noise: DepthNoise, z: DepthImage, theta: DepthImage, normal: DepthImage) -> DepthImage:
-    """Return depths (H, W) with axial noise, unit normal before, and in counts of disparity."""
+    """Return depths (H, W) with axial noise, rounded to counts of disparity.
+
+    ``normal`` is unit normal noise, which is scaled here.
+    """
     white = noise.sigma(z, theta) ** 2 - noise.count(z) ** 2 / 12.0
     measured = z + normal * np.sqrt(np.maximum(white, 0.0))
     if noise.disparity_step:
@@ -200,7 +205,7 @@ def _measure(noise: DepthNoise, z: DepthImage, theta: DepthImage, normal: DepthI
 
 
 def _field(rng: np.random.Generator, shape: tuple[int, ...], smoothing: float) -> DepthImage:
-    """Return unit normal noise (H, W), smoothed by a Gaussian of so many pixels."""
+    """Return unit normal noise (H, W), smoothed by a Gaussian of ``smoothing`` pixels."""
     r = math.ceil(3.0 * smoothing)
     height, width = shape
     white = rng.standard_normal((height + 2 * r, width + 2 * r), np.float32)
@@ -217,7 +222,7 @@ def _aside(
     spread: float,
     shape: tuple[int, ...],
 ) -> tuple[NDArray[np.intp], ...]:
-    """Return the pixels, rows and columns, that some pixels look at instead of themselves."""
+    """Return the pixels, rows and columns, whose depth some pixels take instead of their own."""
     moves = np.rint(spread * rng.standard_normal((2, len(beside[0])))).astype(np.intp)
     pairs = zip(beside, moves, shape, strict=True)
     return tuple(np.clip(at + move, 0, size - 1) for at, move, size in pairs)

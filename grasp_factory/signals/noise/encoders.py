@@ -1,7 +1,7 @@
 """A noise model for joint and gripper encoders: position noise, counts, and velocities from both.
 
-Torques and the gripper's force are other sensors' and stay as they are, as does the TCP's pose: it
-is where the hand truly was, not what the encoders say.
+Torques and the gripper's force come from other sensors and stay unchanged. So does the TCP's pose:
+it is the true pose of the hand, not the pose that follows from the encoders.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class EncoderNoise:
     joint_noise: float
     """Rad, standard deviation of one reading."""
     joint_resolution: float
-    """Rad per count; 0 does not quantise."""
+    """Rad per count; 0 for no quantisation."""
     velocity_window: float
     """Seconds between the two readings whose difference is the velocity."""
     gripper_noise: float
@@ -34,7 +34,7 @@ class EncoderNoise:
     """Metres per count."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no noise.
+        """Check the figures.
 
         Raises:
             UsageError: naming the figure.
@@ -51,7 +51,7 @@ class EncoderNoise:
 
 
 class EncoderReading(NamedTuple):
-    """What noisy encoders would have shown."""
+    """The readings of noisy encoders."""
 
     joint_positions: Array
     """(T, J) rad."""
@@ -82,18 +82,19 @@ def corrupt(
     gripper_width: ArrayLike,
     seed: int | np.random.SeedSequence,
 ) -> EncoderReading:
-    """Return what the encoders would have shown.
+    """Return the readings that noisy encoders would have.
 
     Positions get white noise and are rounded to counts. A velocity is the difference of two
-    readings: the true one plus the error of this reading less that of one ``velocity_window``
-    before, which was not recorded and is drawn. Its sigma is ``sqrt(2) joint_sigma / window``.
+    readings, ``velocity_window`` apart, divided by that time. The earlier reading was not recorded:
+    its true position follows from the true velocity, and its error is drawn. The sigma of a
+    velocity is ``sqrt(2) joint_sigma / window``.
 
     Args:
         noise: The encoders, e.g. ``LIGHTWEIGHT``.
         joint_positions: (T, J) rad, without noise.
         joint_velocities: (T, J) rad/s, without noise.
         gripper_width: (T,) m, without noise.
-        seed: The same seed gives the same noise.
+        seed: The same seed yields the same noise.
     """
     rng = np.random.default_rng(seed)
     true, speed = (np.asarray(x, np.float64) for x in (joint_positions, joint_velocities))

@@ -1,4 +1,4 @@
-"""Noise on the records of an episode: each sensor's own, the same whichever way it is read."""
+"""Noise of each sensor on the records of an episode; it does not depend on how they are read."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ _READS = {
     "wrist": ("wrist_wrench",),
     "encoders": ("joint_positions", "joint_velocities", "gripper_width"),
 }
-"""By field of ``SensorNoise``: the streams that its noise changes, and all that it is made from."""
+"""By field of ``SensorNoise``: the streams that its noise changes. It needs all of them."""
 
 
 def noisy(episode: Episode, noise: str | SensorNoise, seed: int = 0) -> Episode:
-    """Return an episode as its sensors would have shown it.
+    """Return an episode as noisy sensors would have measured it.
 
-    Outcome, columns, spec, segmentation, poses, commands, torques and videos stay as they are.
+    Outcome, columns, spec, segmentation, poses, commands, torques and videos stay unchanged.
 
     Args:
-        episode: The clean one.
+        episode: The episode without noise.
         noise: The sensors, or their name in ``NOISE``.
-        seed: The same seed gives the same bytes. Every episode, camera, frame and sensor has noise
-            of its own.
+        seed: The same seed yields the same bytes. Every episode, camera, frame and sensor has its
+            own noise.
 
     Raises:
         UnknownNameError: for a name that is not in ``NOISE``.
-        UsageError: for a seed that is none.
+        UsageError: for an invalid seed.
     """
     return EpisodeNoise(named_noise(noise), seed).episode(episode)
 
@@ -52,16 +52,16 @@ class EpisodeNoise:
     seed: int
 
     def __post_init__(self) -> None:
-        """Refuse what is no seed.
+        """Check the seed.
 
         Raises:
-            UsageError: naming it.
+            UsageError: naming an invalid seed.
         """
         if not is_integer(self.seed) or self.seed < 0:
             raise UsageError(f"noise seed: got {shown(self.seed)}, valid: a whole number from 0 on")
 
     def episode(self, clean: Episode) -> Episode:
-        """Return an episode as its sensors would have shown it (see ``noisy``)."""
+        """Return an episode as noisy sensors would have measured it (see ``noisy``)."""
         spec = clean.spec
         cameras = {
             name: self._frames(spec.index, name, frames, spec.cameras[name].far)
@@ -74,7 +74,7 @@ class EpisodeNoise:
 
     @property
     def images(self) -> tuple[str, ...]:
-        """Kinds of images that change."""
+        """Kinds of images that have noise."""
         return tuple(kind for kind in ("rgb", "depth") if getattr(self.noise, kind))
 
     def image(
@@ -88,16 +88,16 @@ class EpisodeNoise:
         kind: str,
         frame: int,
     ) -> NDArray[Any]:
-        """Return one image as its camera would have taken it.
+        """Return one image as a noisy camera would have taken it.
 
         Args:
             clean: (H, W, ...).
             K: (3, 3) pixels.
-            far: Metres: depths from here on are nothing seen.
-            index: The episode's.
-            camera: Its name.
-            kind: One of ``images``; any other stays as it is.
-            frame: 0 before the attempt, 1 after.
+            far: Far plane, metres: at this depth or more, nothing is visible.
+            index: Index of the episode.
+            camera: Name of the camera.
+            kind: One of ``images``; an image of any other kind stays unchanged.
+            frame: 0 for the image before the attempt, 1 for the image after it.
         """
         seed = self._seed(index, f"cameras/{camera}/{kind}/{frame}")
         if kind == "depth" and self.noise.depth:
@@ -107,18 +107,19 @@ class EpisodeNoise:
         return clean
 
     def needs(self, names: Iterable[str]) -> list[str]:
-        """Return the streams to read for some to be shown: themselves and what they depend on."""
+        """Return the streams to read for some streams: these and the ones that they depend on."""
         wanted = dict.fromkeys(names)
         groups = [reads for sensor, reads in _READS.items() if getattr(self.noise, sensor)]
         more = [name for reads in groups if wanted.keys() & set(reads) for name in reads]
         return list(wanted | dict.fromkeys(more))
 
     def streams(self, index: int, clean: Streams, rate_hz: float) -> dict[str, NDArray[Any]]:
-        """Return an episode's streams as the sensors would have shown them.
+        """Return an episode's streams as noisy sensors would have measured them.
 
         Args:
-            index: The episode's.
-            clean: Each (T, ...); of a sensor all that ``needs`` names, or none.
+            index: Index of the episode.
+            clean: Streams without noise, each (T, ...): all that ``needs`` returns for a sensor, or
+                none of them.
             rate_hz: Records per second.
         """
         changed: dict[str, Array] = {}
@@ -152,7 +153,7 @@ class EpisodeNoise:
         if self.noise.imu is None:
             return clean
         signals = clean["specific_force"], clean["angular_velocity"]
-        # The seed of the example in docs/reference/signals.md: a reader may add the same noise.
+        # As in the example of docs/reference/signals.md, so that users can add the same noise.
         read = apply_imu_noise(self.noise.imu, *signals, rate_hz, [self.seed, index])
         return dict(clean) | {k: v.astype(clean[k].dtype) for k, v in read._asdict().items()}
 

@@ -1,4 +1,4 @@
-"""What the models have in common: figures that are no noise are refused, readings are digitised."""
+"""Functions that the noise models share: check figures, digitise readings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from grasp_factory.errors import UsageError
 
 
 def check_figures(record: Any) -> None:
-    """Refuse a model with a figure below zero or not a number; what is None is off.
+    """Check that no figure of a model is negative or NaN; None turns an effect off.
 
     Raises:
         UsageError: naming the model and the figure.
@@ -27,12 +27,12 @@ def check_figures(record: Any) -> None:
 
 
 def digitise(signal: ArrayLike, resolution: ArrayLike, full_scale: ArrayLike = math.inf) -> Array:
-    """Return a signal rounded to counts, then cut off at plus and minus the full scale.
+    """Return a signal rounded to counts, then clipped to plus and minus the full scale.
 
     Args:
         signal: (..., n), in any unit.
-        resolution: Its unit per count, a number or (n,); 0 does not quantise.
-        full_scale: In its unit, a number or (n,).
+        resolution: Units of the signal per count, a number or (n,); 0 for no quantisation.
+        full_scale: In the unit of the signal, a number or (n,).
     """
     signal, step = np.asarray(signal, np.float64), np.asarray(resolution, np.float64)
     counts = np.round(signal / np.where(step > 0.0, step, 1.0))

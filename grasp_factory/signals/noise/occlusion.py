@@ -1,6 +1,6 @@
-"""What a depth image says of its surfaces: edges, slants, and what a second view cannot see.
+"""Surfaces in a depth image: edges, incidence angles, and points hidden from a second view.
 
-All of it works on inverse depth, which is linear over the pixels of a plane.
+All functions take inverse depth, which is linear over the pixels of a plane.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ DepthImage = NDArray[np.float32]
 def bends(inverse: DepthImage) -> DepthImage:
     """Return the larger second difference of an image along rows and columns, (H, W).
 
-    Of inverse depth it is 0 on planes, whatever their slant, and large on both sides of an edge.
+    For inverse depth it is 0 on planes of any slant, and large on both sides of an edge.
     """
     out = np.zeros_like(inverse)
     down, across = (np.abs(np.diff(inverse, n=2, axis=axis)) for axis in (0, 1))
@@ -28,8 +28,8 @@ def bends(inverse: DepthImage) -> DepthImage:
 def incidence(inverse: DepthImage, K: Array) -> DepthImage:
     """Return the angle between each pixel's surface normal and its line of sight, (H, W) rad.
 
-    On a plane ``n X = 1`` inverse depth is ``n K^-1 (u, v, 1)``, so its slopes along the image are
-    the normal, without noise and exactly.
+    On a plane ``n X = 1`` inverse depth is ``n K^-1 (u, v, 1)``, so its slopes along the image
+    yield the normal exactly and without noise.
 
     Args:
         inverse: (H, W) 1/m.
@@ -48,10 +48,10 @@ def incidence(inverse: DepthImage, K: Array) -> DepthImage:
 
 
 def shadow(inverse: DepthImage, focal_baseline: float) -> NDArray[np.bool_]:
-    """Return where something nearer hides a pixel's point from a second view, (H, W).
+    """Return where a nearer point hides a pixel's point from a second view, (H, W).
 
-    The second view is a baseline to the right and sees the point of column u at ``u - f B / z``.
-    It is hidden if a point of a column further right is seen at that place or left of it.
+    The second view is one baseline to the right and sees the point of column u at ``u - f B / z``.
+    The point is hidden if a point of a column further right appears left of that position.
 
     Args:
         inverse: (H, W) 1/m.
@@ -67,8 +67,8 @@ def shadow(inverse: DepthImage, focal_baseline: float) -> NDArray[np.bool_]:
 def _slope(image: DepthImage, axis: int) -> DepthImage:
     """Return the change per pixel along an axis, (H, W).
 
-    Of the steps to both neighbours it is the smaller one, 0 if they differ in sign (the minmod
-    limiter of Roe 1986), so that an edge beside a pixel does not tilt its surface.
+    It is the smaller one of the steps to the two neighbours, or 0 if they differ in sign (the
+    minmod limiter of Roe 1986), so that an edge next to a pixel does not tilt its surface.
     """
     step = np.diff(image, axis=axis)
     before = np.concatenate([np.take(step, [0], axis), step], axis)

@@ -1,7 +1,7 @@
-"""A noise model for color cameras: blur, photons, read-out, white balance, JPEG.
+"""A noise model for color cameras: blur, shot noise, read noise, white balance, JPEG.
 
-The light adds up linearly, so all but the last happens in linear light: images are taken for sRGB
-(IEC 61966-2-1), decoded, made noisy and encoded again.
+Light adds up linearly, so all steps but JPEG work in linear light: images are assumed to be sRGB
+(IEC 61966-2-1). They are decoded, noise is added, and they are encoded again.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ class RgbNoise:
     """The imperfections of a color camera."""
 
     full_well: float
-    """Electrons that make the brightest value; 0 has neither shot nor read noise."""
+    """Electrons at the brightest value; 0 for no shot noise and no read noise."""
     read_noise: float
     """Electrons, standard deviation."""
     white_balance: float = 0.0
-    """Standard deviation of the log of the gains of red and blue that each image draws."""
+    """Standard deviation of the logarithm of the gains of red and blue, drawn for each image."""
     blur_length: float = 0.0
     """Pixels that the image moves during the exposure."""
     blur_angle: float | None = None
     """Rad from +u to +v; None draws a direction for each image."""
     jpeg_quality: int | None = None
-    """1 to 100 as OpenCV counts; None does not compress."""
+    """1 to 100, as in OpenCV; None for no compression."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no noise.
+        """Check the figures.
 
         Raises:
             UsageError: naming the figure.
@@ -49,45 +49,46 @@ class RgbNoise:
             raise UsageError(f"RgbNoise: jpeg_quality {self.jpeg_quality}: valid: 1 to 100 or None")
 
     def sigma(self, light: ArrayLike) -> Array:
-        """Return the standard deviation of linear light in 0 to 1, in the same unit.
+        """Return the standard deviation of linear light, which is 0 to 1, in the same unit.
 
-        The linear camera model of EMVA Standard 1288: shot noise has the variance of the electrons'
-        number, read noise adds its own.
+        This is the linear camera model of EMVA Standard 1288: the variance of shot noise is the
+        number of electrons, and read noise adds its own variance.
         """
         electrons = self.full_well * np.asarray(light)
         return np.asarray(np.sqrt(electrons + self.read_noise**2) / self.full_well)
 
 
 SMALL_PIXELS = RgbNoise(
-    # Assumptions, of the size of cameras with pixels of 1 to 3 um indoors: a well filled to 5000
-    # electrons makes a noise of 1.4 % at white, 5 electrons of read noise are gain included.
+    # Assumptions, typical of cameras with pixels of 1 to 3 um indoors: a full well of 5000
+    # electrons has a noise of 1.4 % at white; the read noise of 5 electrons includes the gain.
     full_well=5000.0,
     read_noise=5.0,
     white_balance=0.02,
     jpeg_quality=90,
-    # The cameras see the scene at rest, before and after the attempt: nothing blurs.
+    # The cameras see the scene at rest, before and after the attempt: there is no blur.
     blur_length=0.0,
 )
-"""Like the color camera beside a depth sensor."""
+"""Like the color camera next to a depth sensor."""
 
 
 def corrupt(noise: RgbNoise, rgb: RgbImage, seed: int | np.random.SeedSequence) -> RgbImage:
-    """Return an image as a camera would have taken it.
+    """Return an image as a noisy camera would have taken it.
 
-    In this order: motion blur, shot and read noise, white balance, the eight bits of sRGB, JPEG.
-    Shot noise is drawn as normal: below ten electrons or so the skew of Poisson's law is missing.
+    The order is: motion blur, shot and read noise, white balance, the eight bits of sRGB, JPEG.
+    Shot noise is drawn from a normal distribution: below about ten electrons it lacks the skew of
+    the Poisson distribution.
 
     Args:
         noise: The camera, e.g. ``SMALL_PIXELS``.
         rgb: (H, W, 3) sRGB.
-        seed: The same seed gives the same image.
+        seed: The same seed yields the same image.
 
     Returns:
         (H, W, 3) sRGB.
     """
     rng = np.random.default_rng(seed)
     gains = np.exp(noise.white_balance * rng.standard_normal(3)).astype(np.float32)
-    gains[1] = 1.0  # the balance of red and blue is to green
+    gains[1] = 1.0  # red and blue are balanced against green
     angle = noise.blur_angle
     if angle is None:
         angle = rng.uniform(0.0, math.pi)
@@ -115,7 +116,7 @@ def linear_to_srgb(light: ArrayLike) -> Array:
 
 
 def streak(length: float, angle: float) -> NDArray[np.float32]:
-    """Return the kernel of an image that moves evenly in a straight line, (2 r + 1, 2 r + 1).
+    """Return the blur kernel of uniform motion along a straight line, (2 r + 1, 2 r + 1).
 
     Points along the line share their weight among the four pixels around them; the sum is 1.
 

@@ -1,4 +1,4 @@
-"""A robot's sensors together: which models, under one name."""
+"""The noise models of all sensors of a robot, under one name."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from grasp_factory.signals.noise.wrench import MINI45, WrenchNoise
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorNoise:
-    """The imperfections of all sensors; None leaves one's signals as they are."""
+    """The imperfections of all sensors; None leaves the signals of a sensor unchanged."""
 
     depth: DepthNoise | None = None
-    """Of every camera."""
+    """Noise of every camera."""
     rgb: RgbNoise | None = None
-    """Of every camera."""
+    """Noise of every camera."""
     tactile: TactileNoise | None = None
     wrist: WrenchNoise | None = None
     encoders: EncoderNoise | None = None
@@ -46,7 +46,7 @@ NOISE: Mapping[str, SensorNoise] = {
 
 
 def named_noise(noise: str | SensorNoise | None) -> SensorNoise:
-    """Return a row of ``NOISE`` for its name, and no noise for None.
+    """Return the entry of ``NOISE`` with a name; None is no noise, a record stays as it is.
 
     Raises:
         UnknownNameError: listing the names.

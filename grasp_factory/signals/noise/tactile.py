@@ -24,24 +24,24 @@ class TactileNoise:
     creep: float
     """Share by which the reading of a constant load grows per decade of time, from 1 s on."""
     hysteresis: float
-    """Half the loop's width, as a share of the load."""
+    """Half the width of the hysteresis loop, as a share of the load."""
     full_scale: tuple[float, float]
     resolution: tuple[float, float]
-    """Per count; 0 does not quantise."""
+    """Per count; 0 for no quantisation."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no noise (``check_figures``)."""
+        """Check the figures (``check_figures``)."""
         check_figures(self)
 
 
 _ARM = 0.02
-"""Metres: what the force figures are multiplied with for torques; half a pad's size, assumed."""
+"""Lever, metres, that turns the force figures into torques; half a pad's size, assumed."""
 
 PIEZORESISTIVE = TactileNoise(
     # Tekscan FlexiForce A201-25 (datasheet, typical performance): force range 111 N, repeatability
     # below 2.5 %, drift below 5 % per logarithmic time, hysteresis below 4.5 % of full scale. It
-    # measures a normal force; that shear and torque behave alike is an assumption, as is to take
-    # the bounds for the values, the repeatability for one sigma of the gain.
+    # measures a normal force. Assumptions: shear and torque behave alike, the values are equal to
+    # these bounds, and the repeatability is one sigma of the gain.
     full_scale=(111.0, 111.0 * _ARM),
     gain_spread=0.025,
     creep=0.05,
@@ -59,15 +59,15 @@ def corrupt(
     rate_hz: float,
     seed: int | np.random.SeedSequence,
 ) -> Array:
-    """Return the wrenches that the pads would have read.
+    """Return the wrenches that noisy pads would have measured.
 
-    In this order: gain, ``creep``, ``lag``, white noise, counts, saturation.
+    The order is: gain, ``creep``, ``lag``, white noise, counts, saturation.
 
     Args:
         noise: The pads, e.g. ``PIEZORESISTIVE``.
         wrench: (T, 2, 6) force N, torque N m, without noise; the pads are unloaded before it.
         rate_hz: Records per second.
-        seed: The same seed gives the same noise. A longer series starts with the noise of a
+        seed: The same seed yields the same noise. A longer series starts with the noise of a
             shorter one.
     """
     rng = np.random.default_rng(seed)
@@ -79,15 +79,15 @@ def corrupt(
 
 
 def creep(load: Array, share: float, rate_hz: float) -> Array:
-    """Return what a viscoelastic layer makes of a load: each of its steps goes on growing.
+    """Return a load after creep in a viscoelastic layer: each step of the load keeps growing.
 
     A step of dF at time s adds ``dF (1 + share log10(1 + (t - s) / 1 s))``: the logarithmic drift
-    of the datasheets for a constant load, superposed in time (Boltzmann's principle). When the load
-    is gone, the reading falls back as slowly.
+    of the datasheets for a constant load, superposed in time (Boltzmann's principle). After the
+    load is removed, the reading falls back at the same slow rate.
 
     Args:
-        load: (T, ...), from no load before the first record.
-        share: Per decade.
+        load: (T, ...); before the first record there is no load.
+        share: Growth per decade of time, as a share of the step.
         rate_hz: Records per second.
     """
     if not share or not len(load):
@@ -102,13 +102,13 @@ def creep(load: Array, share: float, rate_hz: float) -> Array:
 def lag(load: Array, share: float) -> Array:
     """Return a load after hysteresis: below the load while it grows, above it while it falls.
 
-    A play operator whose play is in proportion to the load (the generalised play of Visintin,
-    Differential Models of Hysteresis, 1994, III.2): the reading stays where it is as long as it
-    is within ``share`` of the load. So an unloaded pad reads 0, as it does not with a play of
-    constant width.
+    This is a play operator whose play is proportional to the load (the generalised play of
+    Visintin, Differential Models of Hysteresis, 1994, III.2): the reading does not change as long
+    as it is within ``share`` of the load. So an unloaded pad reads 0; with a play of constant width
+    it would not.
 
     Args:
-        load: (T, ...), from no load before the first record.
+        load: (T, ...); before the first record there is no load.
         share: Half the loop's width as a share of the load.
     """
     low, high = load - share * np.abs(load), load + share * np.abs(load)
@@ -121,14 +121,14 @@ def lag(load: Array, share: float) -> Array:
 
 
 def carry_over(streams: Mapping[str, NDArray[Any]], wrench: ArrayLike) -> Array:
-    """Return the forces at the contact points so that they add up to another wrench's force.
+    """Return forces at the contact points that add up to the force of another wrench.
 
-    The points of a pad share the difference of the forces in proportion to their own. Where
-    nothing touches they stay NaN.
+    The difference between the forces of the two wrenches is divided among the points of a pad in
+    proportion to the points' forces. Points without contact stay NaN.
 
     Args:
-        streams: With ``tactile_force`` (T, 2, P, 3) and the ``tactile_wrench`` that it belongs to.
-        wrench: (T, 2, 6), the other one.
+        streams: ``tactile_force`` (T, 2, P, 3), and the ``tactile_wrench`` that it belongs to.
+        wrench: The other wrench, (T, 2, 6).
 
     Returns:
         (T, 2, P, 3) newtons.

@@ -1,6 +1,6 @@
 """A noise model for the wrist's force-torque sensor: offset, drift, noise, saturation, counts.
 
-Cross-talk and wrong gains are a matrix: ``signals.calibrate`` applies one.
+Cross-talk and wrong gains are a matrix, which ``signals.calibrate`` applies.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ class WrenchNoise:
     noise: Six
     """Standard deviation of one reading."""
     drift: Six
-    """Random walk of the zero, N/sqrt(s) and N m/sqrt(s)."""
+    """Random walk of the zero point, N/sqrt(s) and N m/sqrt(s)."""
     idle: float
-    """Seconds that the zero has drifted for since the sensor was tared, when a series starts."""
+    """Seconds between taring and the start of a series; the zero point drifts in this time."""
     full_scale: Six
     resolution: Six
-    """Per count; 0 does not quantise."""
+    """Per count; 0 for no quantisation."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no noise (``check_figures``)."""
+        """Check the figures (``check_figures``)."""
         check_figures(self)
 
 
@@ -42,13 +42,13 @@ _RESOLUTION = (1 / 16, 1 / 16, 1 / 16, 1 / 752, 1 / 752, 1 / 1504)
 
 MINI45 = WrenchNoise(
     full_scale=_RANGE,
-    # Assumption: ATI's resolution is the size of the noise, as it is where the gauges are noisier
-    # than the converter, and one reading has it as its sigma.
+    # Assumption: ATI's resolution is the sigma of one reading, as it is when the gauges are noisier
+    # than the converter.
     noise=_RESOLUTION,
     # Assumption: a converter of 16 bits over both signs.
     resolution=tuple(value / 2**15 for value in _RANGE),  # type: ignore[arg-type]
-    # Assumptions: in ten minutes the zero walks as far as the noise is wide, and the sensor was
-    # tared ten minutes ago.
+    # Assumptions: in ten minutes the zero point drifts by one sigma of the noise, and the sensor
+    # was tared ten minutes ago.
     drift=tuple(value / math.sqrt(600.0) for value in _RESOLUTION),  # type: ignore[arg-type]
     idle=600.0,
 )
@@ -61,15 +61,15 @@ def corrupt(
     rate_hz: float,
     seed: int | np.random.SeedSequence,
 ) -> Array:
-    """Return the wrenches that the sensor would have read.
+    """Return the wrenches that a noisy sensor would have measured.
 
-    Wrench + offset + random walk + white noise, rounded to counts, then saturated.
+    They are wrench + offset + random walk + white noise, rounded to counts, then saturated.
 
     Args:
         noise: The sensor, e.g. ``MINI45``.
         wrench: (T, 6) force N, torque N m, without noise.
         rate_hz: Records per second.
-        seed: The same seed gives the same noise. Each kind of noise has a stream of its own: a
+        seed: The same seed yields the same noise. Each kind of noise has its own random stream: a
             longer series starts with the same noise as a shorter one.
     """
     wrench = np.asarray(wrench, np.float64)
@@ -83,6 +83,6 @@ def corrupt(
 
 
 def _spawn(seed: int | np.random.SeedSequence) -> list[np.random.SeedSequence]:
-    # A copy: spawning counts the children, and the same seed must give the same ones again.
+    # A copy: a sequence counts its children, and the same seed must yield the same ones again.
     seeds = np.random.SeedSequence(seed) if isinstance(seed, int) else seed
     return np.random.SeedSequence(seeds.entropy, spawn_key=seeds.spawn_key).spawn(3)
