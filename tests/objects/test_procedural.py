@@ -277,7 +277,7 @@ class TestEngine:
         settled = [comes_to_rest_and_is_seen(world, model, rng) for model in models]
         assert np.mean(settled) > 0.9
 
-    @pytest.mark.slow
+    @pytest.mark.soak
     def test_two_thousand_objects_come_to_rest_on_a_plane_and_are_seen(self, world: World) -> None:
         rng = np.random.default_rng(2)
         settled = [comes_to_rest_and_is_seen(world, model, rng) for model in some(2000, seed=2)]
