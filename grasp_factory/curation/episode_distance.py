@@ -1,6 +1,6 @@
-"""How far apart two episodes of one recipe are: the recorded one and its replay elsewhere.
+"""Distances between two episodes of one recipe: the recorded one and its replay elsewhere.
 
-Nothing here has a part in stored bytes.
+Nothing here affects stored bytes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MILLI = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseDistance:
-    """How far apart poses are; None where one of the episodes has none."""
+    """Distance between poses; None if one of the episodes has no pose."""
 
     mm: float | None
     degrees: float | None
@@ -36,11 +36,11 @@ class ImageDistance:
     differing: int
     """Pixels with another colour, depth or label."""
     share: float
-    """Of the pixels."""
+    """Differing pixels as a share of all pixels."""
     depth_median_mm: float
-    """Of the pixels whose depth differs; 0 where none does."""
+    """Median difference of the pixels whose depth differs; 0 if no depth differs."""
     depth_p99_mm: float
-    """The 99th percentile of the same."""
+    """The 99th percentile of the same differences."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,11 +54,11 @@ class EpisodeDistance:
     """Records in each stream."""
     steps_replayed: int
     steps_differing: int
-    """Records of which any stream differs, and those that only one episode has."""
+    """Records in which any stream differs, and records that only one episode has."""
     objects_at_end: PoseDistance
-    """The largest of all objects, at the last record, or at rest if nothing was recorded."""
+    """Largest distance of any object at the last record, or at rest if nothing was recorded."""
     objects_largest: PoseDistance
-    """Of any object in any record that both have, millimetres and degrees each."""
+    """Largest distance of any object in any record that both have; mm and degrees separately."""
     tcp_at_end: PoseDistance
     tcp_largest: PoseDistance
     cameras: Mapping[str, ImageDistance]
@@ -126,12 +126,12 @@ def _last_objects(episode: Episode) -> Array:
 
 
 def _pose_distance(a: Array, b: Array) -> PoseDistance:
-    """Return the largest distances of poses, (..., 7); a pose that is NaN has none."""
+    """Return the largest distances of poses, (..., 7); poses that are NaN are ignored."""
     if a.shape != b.shape:
         return PoseDistance(mm=None, degrees=None)
     away = np.sqrt(((a[..., :3] - b[..., :3]) ** 2).sum(axis=-1))
     p, q = a[..., 3:], b[..., 3:]
-    # The chord of two unit quaternions, of which q and -q are one turn: exactly 0 for the same.
+    # q and -q are the same rotation: take the shorter chord, exactly 0 for equal quaternions.
     chord = np.minimum(*(np.sqrt(((p - sign * q) ** 2).sum(axis=-1)) for sign in (1.0, -1.0)))
     turn = np.degrees(4.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)))
     return PoseDistance(mm=_largest(MILLI * away), degrees=_largest(turn))

@@ -32,14 +32,14 @@ _STREAMS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relabelled:
-    """What a new label says, beside the store's own."""
+    """How a new label compares with the store's own."""
 
     name: str
     episodes: int
     successes_before: int
     successes: int
     changed: int
-    """Episodes whose outcome is another one."""
+    """Episodes whose outcome differs."""
 
 
 def relabel(path: Path, name: str, thresholds: LabelConfig) -> Relabelled:
@@ -48,7 +48,7 @@ def relabel(path: Path, name: str, thresholds: LabelConfig) -> Relabelled:
     Attempts that ended before the gripper closed keep their outcome.
 
     Raises:
-        UsageError: for a name that is taken, or a shake that the store's attempts never got.
+        UsageError: for a name that is taken, or a threshold beyond the attempts' shake or lift.
         StoreError: if the store is damaged, or another process is writing to it.
     """
     dataset = Dataset.open(path)

@@ -1,4 +1,4 @@
-"""Running a stored recipe again, to see whether it still gives the stored episode."""
+"""Running a stored recipe again, to check whether it still yields the stored episode."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from grasp_factory.writers.zarr.made_with import changed_since, changed_versions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
-    """What came of running a stored recipe again."""
+    """The result of running a stored recipe again."""
 
     index: int
     same: bool
@@ -43,21 +43,21 @@ class Replay:
     difference: str
     """The first array that differs, and how; empty when none does."""
     changed: tuple[str, ...]
-    """Versions and platform facts that are not those of the recording."""
+    """Versions and platform facts that differ from those of the recording."""
     has_other_versions: bool
     """Whether versions are among them."""
     fingerprint: str
-    """Of the platform that made the row; empty where the store does not tell."""
+    """Fingerprint of the platform that made the row; empty if the store does not record it."""
     here: str
     """The fingerprint of this platform."""
     differing: tuple[str, ...]
     """Parts in which these two differ."""
     distance: EpisodeDistance | None
-    """How far apart the two episodes are; None where they are the same, or one is quarantined."""
+    """How far apart the two episodes are; None if they are the same, or one is quarantined."""
 
     @property
     def platform(self) -> str:
-        """One line on what the platform has to do with it; empty where there is nothing to say."""
+        """One line on how the platform affects the result; empty if there is nothing to report."""
         if not self.fingerprint:
             what = "the store does not tell which platform made the episode"
             return f"{what}: whether bytes must be the same here is not known"
@@ -118,7 +118,7 @@ def replay(path: Path, index: int) -> Replay:
 
 
 def made_on(dataset: Dataset, index: int) -> Fingerprint | None:
-    """Return the fingerprint of the platform that made a row; None where nothing tells it."""
+    """Return the fingerprint of the platform that made a row; None if it is not recorded."""
     if "fingerprint" not in dataset.columns:
         return fingerprint_of(dataset.attributes)
     return parsed(str(Columns.open(dataset.path).read_rows("fingerprint", index, index + 1)[0]))

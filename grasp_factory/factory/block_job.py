@@ -1,4 +1,4 @@
-"""Blocks of episodes to make, and what a worker tells of them: records alone, no simulator."""
+"""Records of blocks to make and of a worker's reports about them; no simulator is loaded."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class BlockJob:
 
     block: int
     lost: Mapping[int, str] = field(default_factory=dict)
-    """Episodes of it that are not tried any more, and why; they are quarantined."""
+    """Episodes of the block that are not tried again, and why; they are quarantined."""
     retries: bool = False
-    """Episodes that are in quarantine already are tried again."""
+    """Whether episodes that are already in quarantine are tried again."""
 
     def __str__(self) -> str:
         return f"block {self.block}"
@@ -39,19 +39,19 @@ class Begun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made:
-    """One episode, in few words: what travels from a worker instead of its images."""
+    """A summary of one episode, which a worker sends instead of the episode's images."""
 
     index: int
     policy: str
     outcome: str
-    """``quarantined`` for a recipe that gave no episode."""
+    """``quarantined`` for a recipe that yielded no episode."""
     reason: str = ""
     """Why it is quarantined."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Committed:
-    """A block is in the store, for good."""
+    """A block was committed to the store."""
 
     block: int
 
@@ -68,7 +68,7 @@ def shard_rows(request: Request) -> NDArray[np.int64]:
 
 
 def in_few_words(row: Episode | Quarantined, index: int) -> Made:
-    """Return what is told of a row that was made."""
+    """Return the summary of a row that was made."""
     more: dict[str, Any] = {"index": index, "policy": row.spec.policy}
     if isinstance(row, Quarantined):
         return Made(outcome="quarantined", reason=row.reason, **more)

@@ -35,8 +35,8 @@ from grasp_factory.writers.zarr.writer import COMMITTED, ZarrWriter
 class BlockMaker:
     """Makes whole blocks and writes them; it reports ``Begun``, ``Made`` and ``Committed``.
 
-    It travels to a worker as config and path. There, or here, it opens its world and its writer at
-    its first block and keeps them: an episode does not notice those before it.
+    Only config and path are sent to a worker. Each process opens its world and its writer at its
+    first block and keeps them: an episode does not depend on the episodes before it.
     """
 
     def __init__(self, config: FactoryConfig, path: Path) -> None:
@@ -46,10 +46,10 @@ class BlockMaker:
         return BlockMaker, (self._config, self._path)
 
     def __call__(self, job: BlockJob, report: SendMessage) -> None:
-        """Make what is missing of a block, and keep what is there.
+        """Make the missing rows of a block, and keep the existing ones.
 
         Raises:
-            StoreError: if it cannot be written, is damaged, or the disk fails otherwise.
+            StoreError: if the block cannot be written, is damaged, or the disk fails otherwise.
         """
         kept, here = self._kept(job), self.fingerprint
         rows = {i: row.content for i, row in kept.items()}
@@ -73,21 +73,21 @@ class BlockMaker:
 
     @cached_property
     def fingerprint(self) -> str:
-        """The text of the platform that this process runs on.
+        """The fingerprint, as text, of the platform that this process runs on.
 
-        It is measured before the world is opened: OpenGL is for one world at a time.
+        It is measured before the world is opened: OpenGL allows one world at a time.
         """
         return fingerprint(self._config).text
 
     def _kept(self, job: BlockJob) -> dict[int, StoredRow]:
-        """Return the rows that are there: of a block that was cut short by a smaller number."""
+        """Return the rows to keep: a run for fewer episodes may have made a part of the block."""
         present = self._writer.present(job.block)
         keep = [i for i, status in present.items() if status == COMMITTED or not job.retries]
         reader = RowReader(self._path) if keep else None
         return {i: row for i in keep if reader for row in reader.read(i, i + 1)}
 
     def make_row(self, spec: EpisodeSpec, lost: str) -> Episode | Quarantined:
-        """Simulate a recipe, or quarantine it where it gives no episode.
+        """Simulate a recipe, or quarantine it if it yields no episode.
 
         Args:
             spec: the recipe.
@@ -95,7 +95,7 @@ class BlockMaker:
 
         Raises:
             StoreError: if the machine is at fault.
-            UsageError: if a trained model cannot be loaded here, which is no episode's fault.
+            UsageError: if a trained model cannot be loaded here; no episode is at fault then.
         """
         for sha256 in self._config.models.values():
             find_model(sha256)
@@ -110,7 +110,7 @@ class BlockMaker:
             raise
         except Exception as error:
             _blame_machine(error, spec.index)
-            self.close()  # whatever it did to the world, the next episode shall not notice
+            self.close()  # the next episode must not depend on this world
             return Quarantined(spec, _reason(error))
 
     @cached_property
@@ -133,7 +133,7 @@ def _reason(error: Exception) -> str:
 
 def _blame_machine(error: BaseException | None, index: int) -> None:
     """Raise if the machine is at fault: an episode must not be quarantined for that."""
-    # What an episode needs is in the package or in the store: a file that is gone was there.
+    # All files that an episode needs are in the package or the store: a missing one was removed.
     if isinstance(error, OSError) and error.errno in MACHINE_TROUBLE | {errno.ENOENT}:
         raise StoreError(f"episode {index} cannot be made: {error.strerror}; {GO_ON}") from None
     if isinstance(error, RuntimeError) and str(error) == NO_THREAD:

@@ -1,4 +1,4 @@
-"""What a run would take: time, disk, memory, success; foretold from pilots, with nothing stored."""
+"""Forecast of a run's time, disk, memory and success from pilots, which are not kept."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ Z95 = 1.96
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expected:
-    """What the pilots say of the episodes that are missing."""
+    """Estimates for the missing episodes, from the pilots."""
 
     pilots: int
-    """Episodes that were made to know."""
+    """Number of episodes that were made for the estimates."""
     quarantined: int
-    """Of the pilots."""
+    """Number of pilots that are quarantined."""
     seconds: float
     seconds_error: float
-    """Standard error of ``seconds``: what the episodes that were not made may change."""
+    """Standard error of ``seconds``, because of the episodes that were not made."""
     bytes: int
     peak_bytes: int
-    """Memory of all workers, if each gets as large as the largest of the pilots'."""
+    """Memory of all workers, if each grows as large as the largest worker of the pilots."""
     success_rate: float | None
     """None if all pilots are quarantined."""
     success_interval: tuple[float, float] | None
-    """95 %."""
+    """The 95 % confidence interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forecast:
-    """What a run would do and take."""
+    """What a run would do, and what it would need."""
 
     path: str
     asked: int
@@ -63,7 +63,7 @@ class Forecast:
     to_make: int
     workers: int
     free_bytes: int
-    """Of the disk."""
+    """Free space of the disk."""
     expected: Expected | None
     """None when nothing is to be made."""
 
@@ -78,16 +78,16 @@ def forecast(
     on_episode: Callable[[Made], None] = lambda made: None,
     executor: Executor | None = None,
 ) -> Forecast:
-    """Make a few blocks of a run, throw them away and say what the run would take.
+    """Make a few blocks of a run, delete them, and return what the run would need.
 
     Args:
         request: the run.
         on_episode: called for each pilot as it is made.
-        executor: what the run would use; None for that of ``generate`` without a timeout.
+        executor: the run's executor; None for that of ``generate`` without a timeout.
 
     Raises:
         UsageError: for what ``generate`` would refuse.
-        StoreError: if the store that is there is damaged, or the disk fails.
+        StoreError: if the existing store is damaged, or the disk fails.
         WorkerError: if a worker died.
     """
     config, size = request.config, request.config.block_size
@@ -122,7 +122,7 @@ def forecast(
 
 
 def _missing(request: Request, there: int, length: int) -> NDArray[np.int64]:
-    """Return the rows that are missing, those included that a longer store would have."""
+    """Return the missing rows, including the rows by which the store would grow."""
     longer = np.arange(there, length)
     if not there:
         return longer
@@ -133,7 +133,7 @@ def _missing(request: Request, there: int, length: int) -> NDArray[np.int64]:
 def _expected(
     flight: PilotResult, sizes: Mapping[int, int], workers: int, *, is_new: bool
 ) -> Expected:
-    """Reckon from the pilots.
+    """Estimate the run from the pilots.
 
     Args:
         flight: the pilots.
@@ -177,7 +177,7 @@ def makespan(durations: Iterable[float], workers: int, start_up: float) -> float
 
 
 def wilson(successes: int, n: int) -> tuple[float, float]:
-    """Return the 95 % interval of a rate, also good for few attempts and for none that failed."""
+    """Return the 95 % interval of a rate, valid also for few attempts and without any failure."""
     rate, square = successes / n, Z95**2
     center = (rate + square / (2 * n)) / (1 + square / n)
     half = Z95 / (1 + square / n) * math.sqrt(rate * (1 - rate) / n + square / (4 * n * n))

@@ -14,7 +14,7 @@ from grasp_factory.writers.zarr.embedded import MODELS, OBJECTS, carried_by, rea
 
 
 def packed(config: FactoryConfig) -> dict[str, bytes]:
-    """Return what a store of this config carries, by path in the store.
+    """Return the data that a store of this config embeds, by path in the store.
 
     Raises:
         ConfigError: if this machine has not imported some of it.
@@ -24,9 +24,9 @@ def packed(config: FactoryConfig) -> dict[str, bytes]:
 
 
 def unpack(path: Path, config: FactoryConfig) -> None:
-    """Make sure that this machine has what the store at ``path`` carries, if anything.
+    """Make sure that this machine has the data that the store at ``path`` embeds, if any.
 
-    What its cache lacks is taken from the store, where there is one already.
+    Data that its cache lacks are copied from the store, if the store exists already.
 
     Raises:
         StoreError: if the store's copy is damaged.
@@ -39,7 +39,7 @@ def unpack(path: Path, config: FactoryConfig) -> None:
 
 
 def how_to_import(path: str) -> str:
-    """Return what brings onto this machine what stores carry at a path."""
+    """Return how to import to this machine the data that stores embed at a path."""
     if _group(path) == MODELS:
         return "import its file with grasp-factory generate --model FILE --print-config"
     return "import its folder with grasp-factory objects DIR"
@@ -62,7 +62,7 @@ def _is_here(path: str, sha256: str) -> bool:
 
 
 def _unpack_whole(path: Path, name: str, sha256: str, content: bytes) -> None:
-    """Put something into the cache if it is what the config names."""
+    """Put embedded data into the cache, and check that the config names them."""
     what = _said(name)
     try:
         found = digest(content) if _group(name) == MODELS else unpack_folder(content)

@@ -1,4 +1,4 @@
-"""The factory: which blocks are missing, make them on an executor, say what came of it."""
+"""The factory: find the missing blocks, make them on an executor, return a summary."""
 
 from __future__ import annotations
 
@@ -67,9 +67,9 @@ class Summary:
     episodes_per_second: float | None
     """None when nothing was to be made."""
     quarantined: Mapping[int, str]
-    """Of those asked for: which gave no episode, and why."""
+    """Episodes asked for that are quarantined, and why."""
     failed: bool
-    """More of them than ``max_failures`` allows."""
+    """Whether more episodes are quarantined than ``max_failures`` allows."""
     store: StoreSummary
 
 
@@ -90,32 +90,34 @@ def generate(
 ) -> Summary:
     """Make sure that the store at ``out`` holds episodes 0 to ``n`` - 1 of ``config``.
 
-    What is there stays as it is; a run that was stopped goes on where it was. An episode that
-    cannot be made, raises, kills its worker twice or twice takes too long is quarantined.
+    Existing episodes stay as they are; a run that was stopped continues where it stopped. An
+    episode that cannot be made, raises, kills its worker twice or takes too long twice is
+    quarantined.
 
-    With more than one worker, or a timeout, call it under ``if __name__ == "__main__":``, as
-    everything that spawns processes.
+    With more than one worker, or a timeout, call it under ``if __name__ == "__main__":``, like
+    all code that spawns processes.
 
     Args:
-        config: what decides the episodes' content.
-        n: how many episodes the store shall have.
-        out: the store, new or of the same config.
-        workers: processes; 1 without a timeout works in this one, which an episode may then kill.
+        config: decides the episodes' content.
+        n: the number of episodes that the store must have.
+        out: path of the store, which is new or of the same config.
+        workers: number of processes; with 1 and no timeout, episodes are made in this process,
+            which one of them may then kill.
         shard: the part of the store to make; others may make its other parts at the same time.
         episode_timeout: seconds that an episode may take; None for 600 with several workers.
-        max_failures: the share of quarantined episodes that is still a success.
-        retry_quarantined: try those again that are in quarantine already.
-        accept_other_platform: go on with a store that was begun where bytes may differ; the rows
-            made here say so.
+        max_failures: the largest share of quarantined episodes with which the run succeeds.
+        retry_quarantined: try episodes again that are already in quarantine.
+        accept_other_platform: continue a store that was begun on a platform whose bytes may
+            differ; the rows made here record this platform.
         on_start: called once with the plan, after every check and before the first episode.
         on_episode: called for each episode as it is made; its block is committed later.
-        on_loss: called with a line when a worker was lost and its block is made again.
+        on_loss: called with one line of text when a worker was lost and its block is made again.
 
     Raises:
-        UsageError: for what cannot be done; nothing has been written.
+        UsageError: if the request cannot be carried out; nothing has been written.
         StoreError: if the store cannot be written, or another process is writing to it.
         WorkerError: if workers are lost and no episode is to blame; what is committed stays.
-        FailuresError: if so much is quarantined that going on is no use; the rest is in the store.
+        FailuresError: if too many episodes are quarantined to continue; committed blocks stay.
     """
     seconds = EPISODE_TIMEOUT_S if episode_timeout is None else episode_timeout
     request = Request(

@@ -31,8 +31,8 @@ ENOUGH = 0.05
 """Pilots end when the standard error of the predicted time is below this share of it. A run may
 miss its forecast by three times that."""
 FEWEST, MOST = 16, 256
-"""Episodes. Fewer do not show their spread; the time of an attempt varies by some 60 % of its mean,
-so 144 are enough for a run of any length."""
+"""Limits of the number of pilot episodes. Fewer do not show their spread. The time of an attempt
+varies by some 60 % of its mean, so 144 are enough for a run of any length."""
 _ENOUGH_MARK = "enough"
 
 
@@ -45,18 +45,18 @@ class Pilot:
     started: float
     ended: float
     episodes: tuple[float, ...]
-    """Seconds of each, with its share of the time to write the block."""
+    """Seconds of each episode, including its share of the time to write the block."""
     peak_bytes: int
     """Largest memory of the worker so far."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PilotResult:
-    """The result of the pilots. Seconds are those that a run of any length takes once."""
+    """The result of the pilots. The times are those that a run of any length needs once."""
 
     pilots: tuple[Pilot, ...]
     prepare_seconds: float
-    """Of making the empty store."""
+    """Time to create the empty store."""
     start_seconds: float
     """From the start of a worker's process to its first block; next to 0 without processes."""
     finish_seconds: float
@@ -72,15 +72,15 @@ def run_pilot_blocks(
     sizes: Mapping[int, int],
     on_episode: Callable[[Made], None],
 ) -> PilotResult:
-    """Make blocks of a run, drawn from all over it, until they say enough.
+    """Make blocks of a run, drawn at random, until the estimate is precise enough.
 
-    As many workers as asked are at it, beside the run's own store, so that what they cost each
-    other is in it, and what the disk costs.
+    The requested number of workers writes next to the run's own store, so that the times include
+    the cost of its disk and the workers' effect on each other.
 
     Args:
         request: the run.
-        executor: what makes them.
-        length: rows of its store.
+        executor: runs the blocks.
+        length: number of rows of the run's store.
         sizes: episodes of each block that is missing.
         on_episode: called for each pilot as it is made.
 
@@ -130,7 +130,7 @@ def episode_seconds(pilots: Sequence[Pilot]) -> list[float]:
 def relative_error(pilots: Sequence[Pilot], to_make: int) -> float:
     """Return the standard error of the time of a run, as a share of it.
 
-    It is 0 when the pilots are all of the run, and infinite for fewer than two.
+    It is 0 if the pilots are the whole run, and otherwise infinite for fewer than two episodes.
     """
     seconds = np.array(episode_seconds(pilots))
     if len(seconds) < 2:
@@ -140,7 +140,7 @@ def relative_error(pilots: Sequence[Pilot], to_make: int) -> float:
 
 
 def is_enough(pilots: Sequence[Pilot], to_make: int) -> bool:
-    """Say whether more pilots would tell little more about a run."""
+    """Return whether the estimate is precise enough, so that no more pilots are needed."""
     made = sum(len(pilot.episodes) for pilot in pilots)
     return made >= FEWEST and relative_error(pilots, to_make) < ENOUGH
 

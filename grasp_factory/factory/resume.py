@@ -1,4 +1,4 @@
-"""Going on with a store that was begun on another platform, or with other versions."""
+"""Checks before a run continues a store that another platform or other versions began."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from grasp_factory.writers.zarr.store import missing_rows
 
 
 def check_platform(request: Request) -> None:
-    """Check that what is to be made in a store has the bytes of the platform that began it.
+    """Check that new rows have the same bytes here as on the platform that began the store.
 
-    Where that is accepted to be otherwise, it warns.
+    If the request accepts another platform, this warns instead of raising.
 
     Raises:
-        StoreMismatchError: if it is not, or nobody knows.
+        StoreMismatchError: if the bytes differ, or that cannot be known.
     """
     path = request.out
     if not (locate(path) / "zarr.json").exists() or not len(rows_to_make(request)):
@@ -46,14 +46,14 @@ def check_platform(request: Request) -> None:
 
 
 def rows_to_make(request: Request) -> NDArray[np.int64]:
-    """Return the rows of a request's part of its store, which is there, that are to be made."""
+    """Return the rows that a request has to make in its part of an existing store."""
     part, length = shard_rows(request), len(Dataset.open(request.out))
     missing = missing_rows(request.out, quarantined=request.retry_quarantined)
     return part[np.isin(part, missing) | (part >= length)]
 
 
 def warn_of_other_versions(path: Path) -> None:
-    """Warn where other versions go on with the episodes that are there."""
+    """Warn if a store that is continued was begun with other versions."""
     if changed := changed_versions(Dataset.open(path).attributes):
         what = f"{path} was begun with other versions ({'; '.join(changed)})"
         warnings.warn(f"{what}: bytes may differ from there", GraspFactoryWarning, stacklevel=3)

@@ -1,4 +1,4 @@
-"""What is done when a worker dies: its episode is tried once more, then quarantined."""
+"""The retry policy when a worker dies: its episode is tried once more, then quarantined."""
 
 from __future__ import annotations
 
@@ -12,43 +12,43 @@ from grasp_factory.errors import FailuresError, WorkerError
 from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made
 
 TRIES = 2
-"""Of an episode. One is not enough: whoever kills a worker, or fills the memory, would decide what
-is in the dataset."""
+"""Number of tries of an episode. One is not enough: a killed worker, or full memory, would then
+decide what is in the dataset."""
 TRIES_OF_BLOCK = 3
-"""Of a block whose worker died with no episode in hand."""
+"""Number of tries of a block whose worker died while it was making no episode."""
 SLOWEST_WRITE_S = 600.0
-"""Seconds after which a worker that starts, or writes a block, is taken for stuck."""
+"""Seconds after which a worker that starts, or writes a block, counts as stuck."""
 FEWEST_FAILURES = 20
-"""A run is stopped for its failures after more than these at the earliest."""
+"""A run is not stopped for its failures unless there are more than this many."""
 
 
 @dataclass(slots=True)
 class _InHand:
-    """How far a block has come that is not committed yet."""
+    """Progress of a block that is not committed yet."""
 
     index: int | None = None
     """The episode that is being made."""
     told: int = -1
-    """The last episode that was told of."""
+    """The last episode that was reported."""
 
 
 class Losses:
-    """Follows what workers report, and says what to do when one is lost."""
+    """Follows the workers' reports, and decides what to do when a worker is lost."""
 
     def __init__(self, block_size: int, timeout: float, on_loss: Callable[[str], None]) -> None:
-        """Begin.
+        """Start without any report.
 
         Args:
             block_size: episodes of a block.
             timeout: seconds that an episode may take.
-            on_loss: told of each loss, in a line.
+            on_loss: called with one line of text for each loss.
         """
         self._block_size, self._timeout, self._on_loss = block_size, timeout, on_loss
         self._in_hand: dict[int, _InHand] = {}
         self._deaths: Counter[str] = Counter()
 
     def news(self, message: Begun | Made | Committed) -> Made | None:
-        """Follow a message; return it if it tells of an episode for the first time."""
+        """Process a message; return it if it reports an episode for the first time."""
         if isinstance(message, Committed):
             self._in_hand.pop(message.block, None)
             return None
@@ -69,10 +69,10 @@ class Losses:
         return max(SLOWEST_WRITE_S, self._timeout) if self._timeout < math.inf else math.inf
 
     def recover(self, job: BlockJob, why: str) -> BlockJob:
-        """Return how a block is made whose worker was lost; see ``executors.Recover``.
+        """Return the job that replaces one whose worker was lost; see ``executors.Recover``.
 
         Raises:
-            WorkerError: if it is lost time and again, and no episode is to blame.
+            WorkerError: if a block's workers are lost repeatedly, and no episode is to blame.
         """
         block = self._in_hand.setdefault(job.block, _InHand())
         index, block.index = block.index, None
@@ -93,10 +93,10 @@ class Losses:
 
 
 class Failures:
-    """Counts what is quarantined, and stops a run of which too much is."""
+    """Counts quarantined episodes, and stops a run that has too many of them."""
 
     def __init__(self, max_failures: float, to_make: int) -> None:
-        """Allow a share of the episodes that are to be made."""
+        """Allow a share of the episodes to make."""
         self._allowed = max(max_failures * to_make, FEWEST_FAILURES)
         self._count = 0
 
@@ -104,7 +104,7 @@ class Failures:
         """Count an episode.
 
         Raises:
-            FailuresError: if it is one too many.
+            FailuresError: if too many episodes are quarantined.
         """
         self._count += made.outcome == "quarantined"
         if self._count > self._allowed:

@@ -1,4 +1,4 @@
-"""The run log beside a store: one line per run, with facts that must not be in the store."""
+"""The run log next to a store: one line per run, with facts that must not be in the store."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What one run asks for: the config, how many episodes, where to, with how many workers.
+"""The request of one run: config, number of episodes, output path and number of workers.
 
-Settings come from three places, the later ones winning: a YAML file, the command's flags, and
-``KEY=VALUE`` assignments with dotted keys.
+Settings come from three places, and later ones override earlier ones: a YAML file, the command's
+flags, and ``KEY=VALUE`` assignments with dotted keys.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MAX_SHARDS = 10_000
 EPISODE_TIMEOUT_S = 600.0
 MAX_FAILURES = 0.25
 OPEN_TABLE = "policy_parameters"
-"""Of tables with defaults for all: an assignment may be the first to name one of them."""
+"""A table of tables that may be missing: an assignment may add one, whose keys have defaults."""
 RUN_KEYS = (
     *("n", "workers", "out", "shard", "episode_timeout", "max_failures", "retry_quarantined"),
     "accept_other_platform",
@@ -40,7 +40,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "physics": PHYSICS_PRESETS,
     "randomize": {name: to_plain(preset) for name, preset in RANDOMIZE_PRESETS.items()},
 }
-"""By key, then by name: what may stand for a section."""
+"""Presets by key, then by name: a preset's name may replace a section."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Shard:
     """One of ``count`` parts of a store, each of which has every ``count``-th block."""
 
     index: int
-    """0 to ``count``; 0 and ``count`` are the same, so that arrays may count from 0 or from 1."""
+    """0 to ``count``; 0 and ``count`` are the same part: job arrays may count from 0 or from 1."""
     count: int
 
     def __post_init__(self) -> None:
@@ -61,12 +61,12 @@ class Shard:
         return f"{self.index}/{self.count}"
 
     def has(self, blocks: Any) -> Any:
-        """Say which blocks are in this part: an integer, or an array of them."""
+        """Return whether blocks, an integer or an array of them, are in this part."""
         return blocks % self.count == self.index % self.count
 
     @classmethod
     def parse(cls, text: Any) -> Shard:
-        """Read I/K.
+        """Parse the text I/K.
 
         Raises:
             ConfigError: if it is something else.
@@ -82,23 +82,23 @@ WHOLE = Shard(0, 1)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """A checked run: ``config`` decides the content, the rest how much of it, where and how."""
+    """A checked run: ``config`` decides the content, the rest decides how much, where and how."""
 
     config: FactoryConfig
     n: int = 50
-    """Episodes that the store shall have."""
+    """Number of episodes that the store must have."""
     workers: int = 2
     out: Path = Path("grasps.zarr")
     episode_timeout: float = EPISODE_TIMEOUT_S
-    """Seconds that an episode may take until its worker is ended; 0 for any time."""
+    """Seconds that an episode may take before its worker is ended; 0 for no limit."""
     max_failures: float = MAX_FAILURES
     """Share of quarantined episodes above which the run counts as failed."""
     shard: Shard = WHOLE
     """The part of the store that this run makes."""
     retry_quarantined: bool = False
-    """Try episodes again that are in quarantine."""
+    """Whether quarantined episodes are tried again."""
     accept_other_platform: bool = False
-    """Go on with a store that was begun where bytes may differ."""
+    """Whether to continue a store that was begun on a platform whose bytes may differ."""
 
     def __post_init__(self) -> None:
         check(isinstance(self.shard, Shard), "shard", self.shard, "a Shard, as Shard(1, 4)")
@@ -108,7 +108,7 @@ class Request:
             got = getattr(self, key)
             ok = is_integer(got) and 1 <= got <= highest
             check(ok, key, got, f"an integer from 1 to {highest}")
-            object.__setattr__(self, key, int(got))  # a numpy integer would not go into JSON
+            object.__setattr__(self, key, int(got))  # JSON cannot hold a numpy integer
 
     def to_yaml(self) -> str:
         """Return the settings as YAML, ready to be a config file."""
@@ -137,8 +137,8 @@ def resolve_request(
     """Merge the settings of a config file, flags and ``KEY=VALUE`` texts over the defaults.
 
     A section such as ``physics`` is merged key by key; a table of names such as ``policies`` or
-    ``cameras`` replaces the default one. A name may stand for a section that has presets, a list of
-    names for ``cameras``, a number for ``clutter``.
+    ``cameras`` replaces the default one. A preset's name may replace a section that has presets, a
+    list of names may replace ``cameras``, and a number may replace ``clutter``.
 
     Raises:
         ConfigError: naming the key, what it got and what is valid.
@@ -168,7 +168,7 @@ def _check_key(key: str) -> None:
 
 
 def _merge(settings: dict[str, Any], key: str, value: Any) -> None:
-    """Put a value over the one there is; sections are merged key by key, tables are replaced."""
+    """Set a value over the current one; sections are merged key by key, tables are replaced."""
     value = _spelled_out(key, value)
     if key in SECTIONS and isinstance(value, Mapping):
         settings[key] = _merged(SECTIONS[key], settings[key], value)
@@ -186,7 +186,7 @@ def _merged(section: type[Any], under: Mapping[str, Any], over: Mapping[str, Any
 
 
 def _spelled_out(key: str, value: Any) -> Any:
-    """Return what a short form stands for: a preset's name, names of cameras, a count."""
+    """Return the full form of a short form: a preset's name, names of cameras, a count."""
     if key in PRESETS and isinstance(value, str):
         return lookup(PRESETS[key], f"preset of {key}", value)
     if key == "cameras" and isinstance(value, list | tuple):
@@ -210,7 +210,7 @@ def _assign(settings: dict[str, Any], text: str) -> None:
         inner = here.get(part, {} if path[0] == OPEN_TABLE and depth == 2 else None)
         if not isinstance(inner, dict):
             raise ConfigError(f"--set {shown(text)}: {'.'.join(path[:depth])[:100]} has no keys")
-        here[part] = dict(inner)  # an alias in the file may stand for it elsewhere too
+        here[part] = dict(inner)  # a YAML alias may share it with other keys
         here = here[part]
     if len(path) == 1:
         _merge(settings, path[0], parsed)

@@ -1,4 +1,4 @@
-"""Collecting: rows of existing stores, put together into a new one or picked out of one."""
+"""Merging and splitting: a new store from rows of existing stores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What people said of the rows, carried over with them."""
+"""Transfer of annotations together with their rows."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from grasp_factory.dataset.annotations.carrying import check_log
 
 
 def check_annotations(sources: Iterable[SourceStore]) -> None:
-    """Check that nothing of what people said is damaged, before any row is copied.
+    """Check that no annotation log is damaged, before any row is copied.
 
     Raises:
-        StoreError: naming the line that is.
+        StoreError: naming the damaged line.
     """
     for source in sources:
         check_log(source.path)
@@ -26,14 +26,14 @@ def check_annotations(sources: Iterable[SourceStore]) -> None:
 def carry_annotations(
     sources: Sequence[SourceStore], plan: RowPlan, repeats: tuple[RowPlan, RowPlan], store: Path
 ) -> int:
-    """Give the new store the annotations of its rows, and return how many rows have any.
+    """Copy the annotations of the rows to the new store; return how many rows have any.
 
-    A row that several stores have gets those of all, in the order of time.
+    A row that several stores have gets the annotations of all of them, in the order of time.
 
     Args:
         sources: the stores.
         plan: where each row of the new store comes from.
-        repeats: rows that are left out, and those that are in their place.
+        repeats: rows that are left out, and the rows that replace them.
         store: where the new store is made.
 
     Raises:
@@ -50,13 +50,13 @@ def carry_annotations(
 def new_rows(
     k: int, rows: Integers, plan: RowPlan, repeats: tuple[RowPlan, RowPlan]
 ) -> dict[int, int]:
-    """Return where some rows of store ``k`` have come to, by row; those that have not are left out.
+    """Return the new numbers of some rows of store ``k``, by row; rows without one are left out.
 
     Args:
         k: the store's position.
-        rows: rows of it.
+        rows: some of its rows.
         plan: where each row of the new store comes from.
-        repeats: rows that are left out, and those that are in their place.
+        repeats: rows that are left out, and the rows that replace them.
     """
     place = np.flatnonzero((plan.store == k) & np.isin(plan.row, rows))
     found = dict(zip(plan.row[place].tolist(), place.tolist(), strict=True))

@@ -31,7 +31,7 @@ from grasp_factory.writers.zarr.writer import ZarrWriter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """A store to put together."""
+    """A merged or split store to build."""
 
     place: StagedStore
     sources: Sequence[SourceStore]
@@ -39,7 +39,7 @@ class Order:
     plan: RowPlan
     seeds: tuple[SeedSource, ...]
     repeats: tuple[RowPlan, RowPlan]
-    """(K,) each: rows that are left out, and those that are in their place."""
+    """(K,) each: rows that are left out, and the rows that replace them."""
     is_plain: bool
     """Whether row i is episode i of one seed."""
     warnings: tuple[str, ...] = ()
@@ -50,17 +50,17 @@ def build(
     on_start: Callable[[int], None],
     on_row: Callable[[], None],
 ) -> Collected:
-    """Write the store and say what is in it.
+    """Write the store and return what it contains.
 
     Args:
-        order: what is to be done.
+        order: the store to build.
         on_start: called once with the number of rows to copy, after every check.
         on_row: called for each row that has been written and read back.
 
     Raises:
         StoreError: if a row is damaged in its store or differs when it is read back, or the disk
             fails. Nothing is left then.
-        UsageError: if it cannot be written there.
+        UsageError: if the store cannot be written at its path.
     """
     first, plan = order.sources[0], order.plan
     labels, left_out = carried_labels(order.sources, plan)
@@ -117,7 +117,7 @@ def _statuses(order: Order) -> NDArray[np.uint8]:
 
 
 def _carried(sources: Sequence[SourceStore], name: str) -> bytes:
-    """Return what the stores carry at a path, from the first that has it undamaged."""
+    """Return the embedded data at a path, from the first store with an undamaged copy."""
     for source in sources:
         try:
             array = open_array(open_store(source.path, mode="r")[0], name)
@@ -151,7 +151,7 @@ def _copy(order: Order, aside: Path, on_row: Callable[[], None]) -> None:
 def _copy_block(
     order: Order, plan: RowPlan, block: int, writer: ZarrWriter
 ) -> list[tuple[str, str]]:
-    """Write a block; return what is known of its rows, which are held no longer."""
+    """Write a block; return only checksum and fingerprint of each row, to save memory."""
     rows = list(_rows(order, plan))
     if rows:
         texts = [row.fingerprint for row in rows]

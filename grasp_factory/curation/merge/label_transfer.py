@@ -1,4 +1,4 @@
-"""Labels that were added to the stores, carried over row by row."""
+"""Transfer of added labels, row by row."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CopiedLabel:
     thresholds: Mapping[str, Any]
 
     def write(self, store: Path) -> None:
-        """Add it to the result."""
+        """Add the label to the result."""
         write_label(store, self.name, self.outcome, self.thresholds)
 
 
@@ -36,7 +36,7 @@ def carried_labels(
 ) -> tuple[tuple[CopiedLabel, ...], dict[str, str]]:
     """Return the labels that all stores have with the same thresholds, and why others are left out.
 
-    What counts is the stores that a row of the plan comes from.
+    Only the stores from which the plan takes rows are considered.
 
     Raises:
         StoreError: if a label is damaged.

@@ -1,4 +1,4 @@
-"""Several stores into one."""
+"""Merging several stores into one."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ def merge(
     on_start: Callable[[int], None] = lambda rows: None,
     on_row: Callable[[], None] = lambda: None,
 ) -> Collected:
-    """Put the rows of several stores of one config into a new store.
+    """Copy the rows of several stores of one config into a new store.
 
-    Parts of one seed's dataset become that dataset, each row where it was. Otherwise the rows stand
-    seed by seed, and the result has the root attribute ``sources``. The first store's seed and
-    facts become the result's.
+    If all stores are parts of one seed's dataset, the result is that dataset, and each row keeps
+    its number. Otherwise the rows are grouped by seed, and the result has the root attribute
+    ``sources``. The result takes its seed and root attributes from the first store.
 
     Args:
-        stores: paths of stores whose configs differ in the seed at most. They may be written
-            meanwhile; what is committed when they are opened goes in.
-        out: where nothing is yet, or an empty directory.
-        accept_other_platform: merge also rows of one seed whose fingerprints differ.
+        stores: paths of stores whose configs differ in the seed at most. Other processes may write
+            to them meanwhile; only blocks that are committed when a store is opened are merged.
+        out: a path where nothing exists yet, or an empty directory.
+        accept_other_platform: also merge rows of one seed whose fingerprints differ.
         on_start: called with the number of rows to copy, after every check.
         on_row: called for each row when it has been written, read back and compared.
 
     Raises:
-        UsageError: for stores that do not go together, or a place that is taken.
+        UsageError: for stores that cannot be merged, or an output path that is taken.
         StoreError: if a store is damaged, two of them differ in an episode that both have, or the
             disk fails. Nothing is left then.
     """
@@ -89,7 +89,7 @@ def _open(stores: Iterable[Path | str]) -> list[SourceStore]:
 
 
 def _check_generators(sources: Sequence[SourceStore]) -> None:
-    """Check that what was made of one seed was made by one generator."""
+    """Check that the same generator versions made all episodes of a seed."""
     made: dict[int, tuple[Maker, SourceStore]] = {}
     for source in sources:
         for seed, makers in source.makers.items():
@@ -106,7 +106,8 @@ def _check_generators(sources: Sequence[SourceStore]) -> None:
 def _check_repeats(sources: Sequence[SourceStore], found: Union) -> None:
     """Check that rows that several stores have are the same.
 
-    One may have quarantined what another has made: a worker that was killed says nothing of it.
+    One store may have quarantined an episode that another store has committed: the death of a
+    worker does not prove that the episode cannot be made.
     """
     left_out, kept = found.repeats
     involved = np.unique(np.concatenate([left_out.store, kept.store])).tolist()
@@ -128,9 +129,9 @@ def _check_repeats(sources: Sequence[SourceStore], found: Union) -> None:
 
 
 def _warnings(sources: Sequence[SourceStore]) -> Iterable[str]:
-    """Give a line for each store whose part of a seed was made elsewhere, where nothing else tells.
+    """Yield a warning for each store that made a seed's rows in other surroundings than another.
 
-    Fingerprints tell whether that matters, where both have one.
+    Two stores that both have a fingerprint are skipped: their fingerprints are compared instead.
     """
     made: dict[int, tuple[Maker, SourceStore]] = {}
     for source in sources:

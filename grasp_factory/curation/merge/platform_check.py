@@ -1,4 +1,4 @@
-"""Rows of several platforms in one store: within a seed only if that is accepted."""
+"""Check of platforms: rows of one seed may come from several only if the user accepts that."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from grasp_factory.curation.merge.source_store import SourceStore
 from grasp_factory.errors import StoreMismatchError
 
 Texts = Mapping[int, frozenset[str]]
-"""By seed: the fingerprints that a store's rows of it tell."""
+"""By seed: the fingerprints that are stored with a store's rows of that seed."""
 _OWN = "each row tells its own in episodes/fingerprint"
 
 
 def check_platforms(sources: Sequence[SourceStore], *, accept: bool) -> list[str]:
-    """Check that rows of one seed come from one platform; return a warning where rows do not.
+    """Check that rows of one seed come from one platform; return warnings about different ones.
 
-    What a store does not tell is not compared.
+    Rows without a fingerprint are not compared.
 
     Raises:
-        StoreMismatchError: if rows of a seed come from several, unless that is accepted.
+        StoreMismatchError: if rows of a seed come from several platforms, unless that is accepted.
     """
     told = [source.fingerprints() for source in sources]
     warnings = []
@@ -57,6 +57,6 @@ def _between_seeds(sources: Sequence[SourceStore], told: Sequence[Texts]) -> str
 
 
 def _difference(mine: frozenset[str], others: frozenset[str]) -> str:
-    """Return in which parts fingerprints differ that are not all the same."""
+    """Return the parts in which these fingerprints differ."""
     known = [found for text in sorted(mine | others) if (found := parsed(text))]
     return meaning(part for part in PARTS if any(part in differing(known[0], b) for b in known))

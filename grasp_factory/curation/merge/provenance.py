@@ -1,4 +1,4 @@
-"""What the rows of a store were made from and with: the root attribute ``sources``."""
+"""Provenance of a store's rows by seed: the root attribute ``sources``."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from grasp_factory.errors import ConfigError, StoreError
 from grasp_factory.writers.zarr.header import SOURCES
 
 GENERATORS = ("grasp_factory", "pybullet", "numpy", "torch")
-"""The versions that have a part in an episode's bytes; torch where a policy has a model."""
+"""Packages whose versions affect an episode's bytes; torch does if a policy has a model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Maker:
-    """Versions and platform that episodes were made with, and its fingerprint."""
+    """Versions and platform that episodes were made with, and the platform's fingerprint."""
 
     versions: Mapping[str, str]
     platform: Mapping[str, str]
     fingerprint: Mapping[str, str] = field(default_factory=dict)
-    """Of the platform that began the store; empty where a version without them made it."""
+    """Of the platform that began the store; empty if its version recorded no fingerprints."""
 
     @property
     def generators(self) -> dict[str, str]:
@@ -36,34 +36,34 @@ class Maker:
 
     @property
     def rest(self) -> dict[str, str]:
-        """Versions and platform facts that should not decide them."""
+        """Versions and platform facts that should not affect the bytes."""
         versions = {k: v for k, v in self.versions.items() if k not in GENERATORS}
         return {**versions, **self.platform}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeedSource:
-    """Where the rows of one seed come from: nothing of paths, hosts or times."""
+    """Where the rows of one seed come from; without paths, hosts and times."""
 
     seed: int
     rows: int
-    """Committed and quarantined ones."""
+    """Number of committed and quarantined rows."""
     config_sha256: str
     """Of the config with this seed."""
     made_with: tuple[Maker, ...]
-    """One, or more where the seed's blocks were made on several platforms."""
+    """One maker, or several if the seed's blocks were made on several platforms."""
 
 
 def makers_of(path: Path, attributes: Mapping[str, Any], seed: int) -> dict[int, tuple[Maker, ...]]:
-    """Return by seed what a store's rows were made with, in the order of its seeds.
+    """Return the makers of a store's rows by seed, in the order of its seeds.
 
     Args:
-        path: the store's.
-        attributes: its root's.
-        seed: of its config, which all of its rows have unless it was put together.
+        path: the store's path.
+        attributes: the root's attributes.
+        seed: the config's seed, which all rows have unless the store was merged or split.
 
     Raises:
-        StoreError: if the attributes do not tell it.
+        StoreError: if the attributes are damaged.
     """
     try:
         if SOURCES in attributes:
@@ -76,7 +76,7 @@ def makers_of(path: Path, attributes: Mapping[str, Any], seed: int) -> dict[int,
 
 
 def stored_sources(attributes: Mapping[str, Any]) -> tuple[SeedSource, ...]:
-    """Return what the root attributes of a store that was put together say of its seeds.
+    """Return the sources in the root attributes of a merged or split store, seed by seed.
 
     Raises:
         StoreError: if they are damaged.
@@ -93,9 +93,9 @@ def seed_sources(
     """Return the provenance of a plan's rows, seed by seed in their order.
 
     Args:
-        plan: of rows that all are in a store.
-        makers: of each store's seeds.
-        config: whose seed alone differs.
+        plan: rows that all come from a store.
+        makers: of each store, by seed.
+        config: the stores' config; only the seed differs.
     """
     seeds, first, counts = np.unique(plan.seed, return_index=True, return_counts=True)
     out = []
@@ -118,7 +118,7 @@ def generator_difference(a: Maker, b: Maker) -> str:
 
 
 def surroundings_difference(a: Maker, b: Maker) -> str:
-    """Return how other versions and the platform differ, in what both tell; empty if not."""
+    """Return how other versions and platform facts that both have differ; empty if not."""
     known = a.rest.keys() & b.rest.keys()
     mine, others = ({k: v for k, v in maker.rest.items() if k in known} for maker in (a, b))
     return first_difference(mine, others) or ""

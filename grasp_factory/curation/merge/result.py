@@ -1,4 +1,4 @@
-"""What came of a merge or a split."""
+"""The result of a merge or a split."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from grasp_factory.curation.merge.provenance import SeedSource
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collected:
-    """A store that was put together. Every row was read back and compared."""
+    """A merged or split store. Every row was read back and compared."""
 
     path: str
     rows: int
     committed: int
     quarantined: int
     missing: int
-    """Rows that no store had; only where the result is a dataset of one seed, which ``generate``
-    completes."""
+    """Rows that no store had; only if the result is the dataset of one seed, which ``generate``
+    can complete."""
     can_grow: bool
     """Whether row i is episode i of one seed, as if ``generate`` had made it."""
     repeated: int
@@ -27,7 +27,7 @@ class Collected:
     labels: tuple[str, ...]
     """Added labels that were carried over."""
     labels_left_out: Mapping[str, str]
-    """Those that were not, and why."""
+    """Added labels that were not carried over, and why."""
     annotations: int
     """Rows with annotations, which were carried over."""
     warnings: tuple[str, ...]

@@ -24,27 +24,27 @@ _OF_EACH = {
     *("seed", "config", "config_sha256", "versions", "platform", FINGERPRINT, "created_by"),
     SOURCES,
 }
-"""Root attributes that may differ between stores that are put together."""
+"""Root attributes that may differ between stores that are merged."""
 
 
 class SourceStore:
-    """A store as it is when it is opened: blocks that are committed later are not in it.
+    """The state of a store when it is opened: blocks that are committed later are not in it.
 
     Attributes:
-        path: as the user gave it.
-        place: where it leads, links followed.
-        attributes: the root's, without the seal.
+        path: the path that the user passed.
+        place: this path after links are followed.
+        attributes: the root's attributes, without the seal.
         status: (N,): 0 missing, 1 committed, 2 quarantined.
-        is_collected: whether it was put together from others itself.
-        makers: by seed, what its rows were made with.
-        reader: of its rows.
+        is_collected: whether it is itself a merged or split store.
+        makers: the makers of its rows, by seed.
+        reader: reads its rows.
     """
 
     def __init__(self, path: Path | str) -> None:
         """Open the store at ``path``.
 
         Raises:
-            StoreMismatchError: if there is no store, or one of another version's config.
+            StoreMismatchError: if there is no store, or its config is of another version.
             StoreError: if it is damaged.
         """
         self.path, self.place = Path(path), locate(Path(path))
@@ -63,7 +63,7 @@ class SourceStore:
         self.status = self._dataset.status
 
     def __len__(self) -> int:
-        """Return the number of rows, whatever their status."""
+        """Return the number of rows of any status."""
         return len(self.status)
 
     def present(self) -> Rows:
@@ -100,7 +100,7 @@ class SourceStore:
         return self._dataset.column("checksum")
 
     def fingerprints(self) -> dict[int, frozenset[str]]:
-        """Return by seed the texts of the platforms that its rows were made on, as far as told.
+        """Return the known fingerprints of the platforms that made its rows, as texts by seed.
 
         Raises:
             StoreError: if it is damaged.
@@ -154,7 +154,7 @@ class SourceStore:
             )
 
     def _check_config(self) -> None:
-        """Check that this version reads the config as the one that wrote it."""
+        """Check that this version reads the config in the same way as the version that wrote it."""
         config = self._dataset.config
         if self.attributes["config_sha256"] != config.sha256():
             found = first_difference(self.attributes["config"], config.to_plain())

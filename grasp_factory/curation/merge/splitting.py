@@ -1,4 +1,4 @@
-"""A selection of a store's episodes into a new store."""
+"""Copying selected episodes of a store into a new store."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def split(
     on_start: Callable[[int], None] = lambda rows: None,
     on_row: Callable[[], None] = lambda: None,
 ) -> Collected:
-    """Put some episodes of a store into a new store, which has the root attribute ``sources``.
+    """Copy some episodes of a store into a new store, which has the root attribute ``sources``.
 
     Args:
         store: path of the store, which stays as it is.
-        out: where nothing is yet, or an empty directory.
+        out: a path where nothing exists yet, or an empty directory.
         indices: rows that hold an episode, each once, in any order; the new store has them in
             ascending order.
         on_start: called with the number of rows to copy, after every check.
         on_row: called for each row when it has been written, read back and compared.
 
     Raises:
-        UsageError: for rows that the store does not have, or a place that is taken.
+        UsageError: for rows that the store does not have, or an output path that is taken.
         StoreError: if the store is damaged, or the disk fails. Nothing is left then.
     """
     place, source = StagedStore(out), SourceStore(store)
@@ -61,7 +61,7 @@ def split(
 
 
 def _checked(source: SourceStore, indices: Iterable[int]) -> NDArray[np.int64]:
-    """Return indices, ascending, each of which is that of an episode."""
+    """Return the indices in ascending order, after a check that each is that of an episode."""
     given = list(indices)
     for index in given:
         if not is_integer(index) or not 0 <= index < len(source):

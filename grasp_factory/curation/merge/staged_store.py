@@ -1,4 +1,4 @@
-"""The place of a new store: it is free, no source lies in it, and the store gets there whole."""
+"""The path of a new store: a free path outside of all sources, where only a whole store appears."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _OTHER = "choose another OUT"
 
 
 class StagedStore:
-    """The place of a new store.
+    """The path of a new store.
 
     Attributes:
-        path: as the user gave it.
+        path: the path that the user passed.
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Look at ``path`` and change nothing.
+        """Check that ``path`` is free, and change nothing.
 
         Raises:
             StoreMismatchError: if something is there, unless a killed run has left it.
@@ -35,10 +35,10 @@ class StagedStore:
             self._check_free()
 
     def check_apart(self, stores: Iterable[Path]) -> None:
-        """Check that no store lies where the new one is built, and none holds that place.
+        """Check that no source contains the new store's path, or is in it or its staging folder.
 
         Args:
-            stores: their places, links followed.
+            stores: the source stores' paths after links are followed.
 
         Raises:
             StoreMismatchError: naming the store.
@@ -58,7 +58,7 @@ class StagedStore:
 
         Raises:
             StoreBusyError: if another process writes there.
-            StoreMismatchError: if something has appeared there, or it cannot be written.
+            StoreMismatchError: if something has appeared there, or the path cannot be written.
             StoreError: if the disk fails or is full.
         """
         with StoreLock(self.path), self._naming():

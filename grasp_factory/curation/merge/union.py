@@ -1,4 +1,4 @@
-"""Which row of which store becomes which row of the result: arrays of numbers only."""
+"""The mapping from rows of the source stores to rows of the result, as arrays of numbers."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
 NOBODY = -1
-"""In place of a store's position: a row that no store has."""
+"""Replaces a store's position for a row that no store has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """Rows of one store, in the store's order, by the recipes that they were made from."""
+    """Rows of one store in the store's order, with seed and index of their recipes."""
 
     row: Integers
     """(R,)."""
@@ -50,9 +50,9 @@ class RowPlan:
         return RowPlan(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
     def runs(self) -> list[tuple[int, int, int]]:
-        """Return (store, first row, row after the last) of what one store holds in a row.
+        """Return (store, first row, row after the last) of each run of consecutive rows.
 
-        Rows that nobody has are in none.
+        All rows of a run come from one store. Rows that no store has are in no run.
         """
         out: list[tuple[int, int, int]] = []
         for store, row in zip(self.store.tolist(), self.row.tolist(), strict=True):
@@ -70,16 +70,17 @@ class Union:
     """The rows of several stores, each recipe once."""
 
     plan: RowPlan
-    """Seed by seed, in the order in which they appear first, store by store; then by index."""
+    """Grouped by seed, in the order in which seeds first appear in the stores; then by index."""
     repeats: tuple[RowPlan, RowPlan]
-    """(K,) each: rows that are left out, and those that are in their place. Their contents are to
-    be the same."""
+    """(K,) each: rows that are left out, and the rows that replace them. Their contents must be
+    the same."""
 
 
 def union(stores: Sequence[Rows]) -> Union:
     """Return the rows of all stores, each (seed, index) once.
 
-    That is the row of the first store that has the episode, or else has it in quarantine.
+    The row comes from the first store that has committed the episode; if there is no such store,
+    from the first that has quarantined it.
 
     Args:
         stores: at least one.
@@ -103,12 +104,12 @@ def union(stores: Sequence[Rows]) -> Union:
 
 
 def in_place(plan: RowPlan, seed: int, length: int) -> RowPlan:
-    """Return the plan of a store in which the number of a row is the index of its recipe.
+    """Return the plan of a store in which a row's number equals the index of its recipe.
 
     Args:
         plan: rows of one seed.
-        seed: this one.
-        length: rows of that store.
+        seed: their seed.
+        length: number of rows of that store.
     """
     store, row = np.full(length, NOBODY, np.int64), np.zeros(length, np.int64)
     store[plan.index], row[plan.index] = plan.store, plan.row

@@ -1,4 +1,4 @@
-"""Making blocks again: rows that are whole are kept, the others simulated from their recipes."""
+"""Rebuilding blocks: intact rows are kept, the others are simulated from their recipes."""
 
 from __future__ import annotations
 
@@ -32,50 +32,50 @@ class RebuiltEpisode:
 
     episode: int
     before: str
-    """Its checksum as it was stored; empty where none could be read."""
+    """The stored checksum; empty if it could not be read."""
     after: str
 
     @property
     def is_same(self) -> bool | None:
-        """Whether it is the episode that was there; None if nothing tells."""
+        """Whether it equals the episode that was stored; None if that is unknown."""
         return self.before == self.after if self.before else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mended:
-    """What came of one block."""
+    """The result of rebuilding one block."""
 
     block: int
     remade: tuple[RebuiltEpisode, ...] = ()
     lost: tuple[int, ...] = ()
-    """Rows whose recipes nothing tells; nothing of the block was changed."""
+    """Rows whose recipes cannot be recovered; nothing in the block was changed."""
     is_risky: bool = False
-    """Nothing of it was changed, for it needs a process that may be lost."""
+    """Nothing in the block was changed, because rebuilding it may crash the process."""
     untold: tuple[int, ...] = ()
-    """Rows that are whole but for the fingerprint, and were not made here: simulated again they
-    differ. Nothing was changed."""
+    """Rows that are intact except for the fingerprint, and that differ when they are simulated on
+    this platform. Nothing in the block was changed."""
     foreign: tuple[int, ...] = ()
-    """Rows of another platform that are to be simulated; that is done only if it is accepted."""
+    """Rows of another platform that must be simulated; that is done only if it is accepted."""
     difference: str = ""
-    """How the platform of one of those differs from this one."""
+    """How the platform of one of the foreign rows differs from this one."""
 
 
 class BlockMender:
-    """Makes the blocks of a store anew in a template of it; they are put in place elsewhere.
+    """Rebuilds blocks of a store in its template; ``RepairSession`` moves them into the store.
 
     Reports ``Begun`` and ``Made`` with the number of each row that is simulated, then ``Mended``.
-    It travels to a worker as its arguments. There, or here, it opens both stores, and a world, when
-    it first needs them.
+    Only its arguments are sent to a worker. Each process opens both stores, and a world, when it
+    first needs them.
     """
 
     def __init__(self, store: Path, template: Path, *, isolated: bool, accept: bool) -> None:
         """Open nothing yet.
 
         Args:
-            store: what is read.
-            template: what is written.
-            isolated: the process may be lost: a recipe that is quarantined may end it.
-            accept: rows of another platform are simulated, too.
+            store: the store to read.
+            template: the store to write.
+            isolated: whether the process may crash, as a quarantined recipe may make it do.
+            accept: whether rows of another platform are simulated, too.
         """
         self._store, self._template, self._isolated = store, template, isolated
         self._accept = accept
@@ -85,7 +85,7 @@ class BlockMender:
         return again, (self._store, self._template)
 
     def __call__(self, job: BlockJob, report: SendMessage) -> None:
-        """Make a block: rows that are whole as they are, the others from their recipes."""
+        """Rebuild a block: keep intact rows, and simulate the others from their recipes."""
         pieces = self._pieces
         found = dict(zip(pieces.rows_of(job.block), read_block(pieces, job.block)[0], strict=True))
         rows = {i: kept(row, pieces, i) for i, row in found.items()}
@@ -133,9 +133,9 @@ class BlockMender:
         Args:
             block: its number.
             found: its rows as they were read.
-            recipes: of those that are to be made again.
-            unknown: recipes of those that are whole, but whose platform nothing tells. Simulating
-                them tells: with the same bytes they may as well have been made here.
+            recipes: recipes of the rows that must be simulated.
+            unknown: recipes of intact rows whose platform is unknown. They are simulated, too: if
+                the bytes are the same, this platform's fingerprint is right for them.
         """
         simulated = {**recipes, **unknown}
         differences = {i: self._difference(found[i]) for i in recipes}
@@ -189,19 +189,19 @@ def _is_committed(row: Row) -> bool:
 
 
 def _recorded(row: Row) -> str:
-    """Return the checksum of an episode that is damaged; that of a quarantine may be damaged."""
+    """Return a committed row's stored checksum, or ``""``: a quarantined row's may be damaged."""
     return str(row.get(schema.CHECKSUM.path, "")) if _is_committed(row) else ""
 
 
 def files_of(folder: Path, pieces: PartialStore, block: int) -> list[Path]:
-    """Return all files of a block below ``folder``, that of its commit marker last."""
+    """Return all files of a block below ``folder``, the file of its commit marker last."""
     rows = pieces.rows_of(block)
     fields = sorted(pieces.fields.values(), key=lambda field: field == schema.STATUS)
     return [file for field in fields for file in block_files(folder, field, block, rows)]
 
 
 def checksums(pieces: PartialStore, block: int) -> dict[int, str]:
-    """Return the stored checksum of each row of a block; empty for what has none to be read."""
+    """Return the stored checksum of each row of a block; empty if it cannot be read."""
     rows = pieces.rows_of(block)
     try:
         found = pieces.arrays[schema.CHECKSUM.path].read(rows.start, rows.stop).tolist()

@@ -19,7 +19,7 @@ _RECIPE = ("episodes/spec", "episodes/seed", "episodes/index")
 
 
 def kept(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined | None:
-    """Return a row as it was written, whatever its status says; None if it is lost.
+    """Return a row as it was written, regardless of its stored status; None if it is lost.
 
     An episode is kept if it matches the row's checksum, or if each array matches its digest.
     """
@@ -27,7 +27,7 @@ def kept(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined | None
 
 
 def recipe(row: Row, pieces: PartialStore, i: int) -> EpisodeSpec | None:
-    """Return the recipe of a row, None where it cannot be recovered.
+    """Return the recipe of a row; None if it cannot be recovered.
 
     In a generated store it follows from the row's number. In a merged store it is the row's own
     recipe, or follows from the row's seed and index. Values count only if they match their

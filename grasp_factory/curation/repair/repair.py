@@ -57,15 +57,15 @@ def repair(
     on_start: Callable[[int], None] = lambda rows: None,
     on_episode: Callable[[int], None] = lambda row: None,
 ) -> RepairReport:
-    """Rebuild what is damaged or missing in the store at ``path``; what is intact stays.
+    """Rebuild damaged or missing data in the store at ``path``; intact data stay as they are.
 
     A repair that is killed damages no row: run it again. A recipe that may crash its process is
     simulated in another one, so call this under ``if __name__ == "__main__":``.
 
     Args:
         path: the store.
-        workers: processes; with 1 most work is done in this one.
-        accept_other_platform: simulate here also rows of a platform with other bytes; they are
+        workers: number of processes; with 1, most work is done in this process.
+        accept_other_platform: also simulate rows of a platform with other bytes here; they are
             recorded as rows of this platform. Otherwise they stay as they are.
         on_start: called with the number of rows before each time they are verified.
         on_episode: called with the number of each row that is verified or simulated.
@@ -154,7 +154,7 @@ def _labels_of(problems: tuple[Problem, ...]) -> set[str]:
 
 
 def _relabel(path: Path, name: str, surgery: RepairSession) -> None:
-    """Rebuild an added label from its thresholds; without any it stays as it is."""
+    """Rebuild an added label from its thresholds; if they are lost, it stays as it is."""
     folder = path / LABELS / name
     thresholds = thresholds_of(path, name)
     if thresholds is None:

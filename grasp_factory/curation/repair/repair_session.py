@@ -42,7 +42,7 @@ from grasp_factory.writers.zarr.metadata_checksum import SEAL
 from grasp_factory.writers.zarr.store import create_store
 
 FEW = 2
-"""Blocks up to which no process is started."""
+"""For up to this many blocks, no process is started."""
 
 
 class RepairSession:
@@ -64,7 +64,7 @@ class RepairSession:
             path: the store.
             workers: processes.
             on_episode: called with the number of each row that is checked or simulated.
-            accept: simulate here also rows of another platform.
+            accept: also simulate rows of another platform here.
         """
         self._path, self._workers, self._on_episode = path, workers, on_episode
         self._accept = accept
@@ -112,7 +112,7 @@ class RepairSession:
     def _mend_root(self) -> bool:
         """Rebuild the root's metadata; return whether that could be done.
 
-        It is done only if what is left equals the metadata that is rebuilt here and now.
+        This is done only if the metadata that is left equals the metadata that is rebuilt here.
         """
         # This loads the simulator.
         from grasp_factory.factory.generate import origin_attributes  # noqa: PLC0415
@@ -213,7 +213,7 @@ class RepairSession:
         losses = Losses(pieces.config.block_size, EPISODE_TIMEOUT_S, self.mended.append)
         begun = [BlockJob(block=block) for block in blocks if _is_begun(pieces, block)]
         absent = sorted(set(blocks) - {job.block for job in begun})
-        if pieces.is_collected:  # whose rows the factory does not know
+        if pieces.is_collected:  # the factory does not know these rows
             self._lose(row for block in absent for row in pieces.rows_of(block))
         else:
             self.to_generate = absent
@@ -253,7 +253,7 @@ class RepairSession:
         """Move a complete block into the store at once, so that the template does not grow."""
         unpack_block(self._path, made.block)
         files = files_of(template.path, pieces, made.block)
-        others = {template.path / name for name in pieces.rewritten}  # not written as ours are
+        others = {template.path / name for name in pieces.rewritten}  # in another layout
         template.give_files(file for file in files if file.parent not in others)
         self.remade += made.remade
         rows = pieces.rows_of(made.block)

@@ -1,4 +1,4 @@
-"""An empty store like the damaged one, beside it: the source of metadata and rebuilt blocks."""
+"""An empty store like the damaged one, next to it: the source of metadata and rebuilt blocks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OURS = re.compile(r"(zarr\.json|c|[0-9]+(\.[0-9]+)*)(" + re.escape(PARTIAL) + "
 
 
 class Template:
-    """Created as ``.NAME.repairing`` beside the store, whose lock is held; removed at the end.
+    """Created as ``.NAME.repairing`` next to the store, whose lock is held; removed at the end.
 
     Attributes:
         path: its path.
@@ -52,7 +52,7 @@ class Template:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Remove it."""
+        """Remove the template."""
         shutil.rmtree(self.path, ignore_errors=True)
 
     def differs(self, names: Iterable[str]) -> str:
@@ -116,7 +116,7 @@ def template_place(store: Path) -> Path:
 
 
 def remove_template(place: Path) -> None:
-    """Remove what a killed repair has left at and beside a template's path.
+    """Remove what a killed repair has left at and next to a template's path.
 
     Raises:
         StoreMismatchError: if something else is there.
@@ -126,7 +126,7 @@ def remove_template(place: Path) -> None:
         for folder in place.iterdir():
             if folder.is_dir():
                 shutil.rmtree(folder)
-        shutil.rmtree(place)  # last the root's metadata, by which it is recognised
+        shutil.rmtree(place)  # the root's metadata last: they identify a template
     remove_creation(place)
 
 

@@ -1,4 +1,4 @@
-"""What people said of episodes: is every line of their log as it was written?"""
+"""Verification and repair of the annotation log."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from grasp_factory.writers.zarr.placeholder import write_placeholder
 
 LOG = f"{ANNOTATIONS}/{NAME}"
 MOST_NAMED = 20
-"""Damaged lines that are named one by one."""
+"""At most this many damaged lines are named one by one."""
 _UNFINISHED = "its last line is unfinished: who wrote it was killed, or its end is lost"
 
 
 def annotation_problems(pieces: PartialStore) -> Iterator[Problem]:
-    """Give a problem for each line of the log that stands for no change of a row of the store."""
+    """Yield a problem for each line of the log that is not a valid change of a row of the store."""
     path = pieces.path
     if (path / ANNOTATIONS).is_symlink():
         yield _problem(f"its folder {LINK}", OWN_FOLDER)
@@ -55,10 +55,10 @@ def annotation_problems(pieces: PartialStore) -> Iterator[Problem]:
 
 
 def mend_annotations(path: Path, problems: Iterable[Problem]) -> tuple[list[str], list[str]]:
-    """Mend what is no word of people; return what was mended, and what could not be.
+    """Repair all but the annotations themselves; return what was repaired, and what was not.
 
     Raises:
-        StoreError: if it cannot be written.
+        StoreError: if the log cannot be written.
     """
     mended, failed = [], []
     for problem in problems:

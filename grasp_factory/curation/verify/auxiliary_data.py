@@ -1,4 +1,4 @@
-"""What a store has beside its rows: embedded data, added labels, packed segments, foreign files."""
+"""Data in a store other than rows: embedded data, added labels, packed segments, foreign files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")
 
 
 def carried_problems(pieces: PartialStore) -> Iterator[Problem]:
-    """Yield a problem for each embedded array that is not what was written."""
+    """Yield a problem for each embedded array that differs from the one that was written."""
     arrays = list(carried_by(pieces.config))
     for group in dict.fromkeys(array.partition("/")[0] for array in arrays):
         if fault := read_document(pieces.path / group / FILE)[1]:
@@ -59,7 +59,7 @@ def carried_problems(pieces: PartialStore) -> Iterator[Problem]:
 
 
 def label_problems(pieces: PartialStore) -> Iterator[Problem]:
-    """Yield a problem for each added label that is not what was written."""
+    """Yield a problem for each added label that differs from the one that was written."""
     path = pieces.path
     if not (path / LABELS).is_dir():
         return
@@ -72,7 +72,7 @@ def label_problems(pieces: PartialStore) -> Iterator[Problem]:
 
 
 def label_faults(path: Path, name: str) -> Iterator[Problem]:
-    """Yield a problem for each part of an added label that is not what was written."""
+    """Yield a problem for each part of an added label that differs from what was written."""
     values = {}
     for part in ("", *LABEL_COLUMNS):
         array = f"{LABELS}/{name}/{part}".rstrip("/")
@@ -92,7 +92,7 @@ def label_faults(path: Path, name: str) -> Iterator[Problem]:
 
 
 def recoded(pieces: PartialStore) -> Iterator[str]:
-    """Yield the path of each array beside the rows that another program has rewritten."""
+    """Yield the path of each added label or embedded array that another program has rewritten."""
     labels = added_labels(pieces.path)
     arrays = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
     for array in [*arrays, *carried_by(pieces.config)]:
@@ -104,7 +104,7 @@ def recoded(pieces: PartialStore) -> Iterator[str]:
 def placeholder_problems(path: Path, name: str) -> Iterator[Problem]:
     """Yield a problem if a folder's placeholder is not that of an array of length 0."""
     document, fault = read_document(path / name / FILE)
-    if not fault and document["shape"] != [0]:  # the seal leaves it out
+    if not fault and document["shape"] != [0]:  # the seal does not cover it
         fault = f"shape {shown(document['shape'])}, valid: [0]"
     if fault:
         yield _problem(name, fault)
@@ -163,7 +163,7 @@ def leftovers(path: Path) -> list[Path]:
 
 
 def _leftovers(path: Path) -> Iterator[str]:
-    """Yield a note for leftovers of killed runs beside the rows, and for users' files there."""
+    """Yield a note for leftovers of killed runs, and users' files, in folders without rows."""
     for folder in _BESIDE:
         names = os.listdir(path / folder) if (path / folder).is_dir() else []
         left = [name for name in names if _is_left(name)]
@@ -187,7 +187,7 @@ def _is_own(file: str, folder: str, pieces: PartialStore) -> bool:
     if file == FILE:
         return True
     field, match = pieces.fields.get(folder), _NUMBER.fullmatch(file)
-    if folder in pieces.rewritten:  # with chunks of any shape
+    if folder in pieces.rewritten:  # its chunks may have any shape
         return bool(_CHUNK.fullmatch(file))
     if field is None or match is None:
         return False
@@ -227,7 +227,7 @@ def _segment_fault(segment: Segment, columns: Columns, pieces: PartialStore) -> 
         try:
             values = columns.read_rows(name, *rows)
         except StoreError:
-            continue  # a problem of the block's own
+            continue  # the block has a problem for it
         if not _is_same(packed[path], values):
             return f"its {name} is not that of the blocks"
     if not pieces.rewritten and int(packed[BYTES]) != bytes_of_blocks(columns, segment.blocks):
@@ -246,7 +246,7 @@ def _problem(array: str, what: str) -> Problem:
 
 
 def thresholds_of(path: Path, name: str) -> Any:
-    """Return the thresholds of an added label from whichever of its parts is intact, or None."""
+    """Return the thresholds of an added label from its first intact part; None without any."""
     for part in ("", *LABEL_COLUMNS):
         document, fault = read_document(path / LABELS / name / part / FILE)
         if not fault and "thresholds" in document["attributes"]:

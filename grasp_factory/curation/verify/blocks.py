@@ -36,7 +36,7 @@ from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 UNKNOWN = -1
 NOT_EMPTY = (*QUARANTINE_PATHS, schema.FINGERPRINT.path)
-"""Paths of what a quarantined row holds."""
+"""Paths at which a quarantined row has values."""
 MAKER = "this version of grasp-factory wrote it so, or another program: make the episode again"
 """Advice for values that match their checksum and are impossible."""
 
@@ -56,7 +56,7 @@ class Findings:
 class BlockChecker:
     """Checks ranges of blocks of a store; it reports the number of each row that it has checked.
 
-    It travels to a worker as the path. There, or here, it opens the store at its first block.
+    Only the path is sent to a worker. Each process opens the store at its first block.
     """
 
     def __init__(self, path: Path) -> None:

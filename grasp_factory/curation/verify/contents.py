@@ -42,7 +42,7 @@ def read_block(pieces: PartialStore, block: int) -> tuple[list[Row], list[Proble
         field = pieces.fields[path]
         file = block_files(pieces.path, field, block, rows)[0]
         has_own_files = not field.is_video and path not in pieces.rewritten
-        if has_own_files and not file.exists():  # also one of nothing but fill is written
+        if has_own_files and not file.exists():  # files of fill values alone are written too
             what = f"file {file.name} is missing, which has rows {rows[0]} to {rows[-1]}"
             problems.append(_problem(rows[0], path, what))
             continue
@@ -123,12 +123,12 @@ def fingerprint_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem
 
 
 def is_complete(contents: Row, pieces: PartialStore) -> bool:
-    """Say whether all values of an episode could be read."""
+    """Return whether all values of an episode could be read."""
     return all(p in contents for p in pieces.fields if p not in schema.NOT_IN_AN_EPISODE)
 
 
 def is_whole(row: Row, contents: Row, pieces: PartialStore) -> bool:
-    """Say whether all values of an episode could be read and match the row's checksum."""
+    """Return whether all values of an episode could be read and match the row's checksum."""
     stored = str(row.get(schema.CHECKSUM.path, ""))
     return bool(stored) and is_complete(contents, pieces) and checksum(contents) == stored
 
@@ -182,7 +182,7 @@ def padded(row: Row, pieces: PartialStore) -> dict[str, int]:
 
 
 def beside(paths: tuple[str, ...], pieces: PartialStore) -> dict[str, int]:
-    """Return that a row may have values at these paths only; see ``padding_problems``."""
+    """Return 0 for each path where a row must have no values; see ``padding_problems``."""
     return {path: 0 for path in pieces.fields if path not in (*paths, *_NOT_CHECKED)}
 
 

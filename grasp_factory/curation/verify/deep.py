@@ -1,4 +1,4 @@
-"""Simulating stored episodes again: does the recipe still give the stored bytes?"""
+"""Simulating stored episodes again, to check whether the recipe still yields the stored bytes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SEEDS = 2**32
 
 
 def new_seed() -> int:
-    """Return a seed to draw episodes from; it is no part of any data."""
+    """Return a random seed to draw episodes with; it is not part of any data."""
     return secrets.randbelow(SEEDS)
 
 
@@ -35,7 +35,7 @@ def draw(rows: list[int], count: int, seed: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulated:
-    """What came of simulating a row again."""
+    """The result of simulating a row again."""
 
     row: int
     same: bool
@@ -54,11 +54,11 @@ class Simulator:
         return Simulator, (self._path,)
 
     def __call__(self, row: int, report: SendMessage) -> Simulated:
-        """Compare what a row's recipe gives with what is stored.
+        """Compare the episode that a row's recipe yields with the stored one.
 
-        Other bytes are a problem unless the fingerprint says that they may be others here.
+        Different bytes are a problem, unless the row's fingerprint differs from this platform's.
         """
-        # Replaying loads the simulator, which the other checks do without.
+        # Replaying loads the simulator, which the other checks do not need.
         from grasp_factory.curation.replay import replay  # noqa: PLC0415
 
         try:

@@ -1,4 +1,4 @@
-"""Do labels and measurements follow from the stored streams, and the score from the columns?"""
+"""Check that labels and measurements follow from the streams, and the score from the columns."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ BEFORE_CLOSING = (
     *(Outcome.NEVER_SETTLED, Outcome.LEFT_WORKSPACE, Outcome.NO_PLAN, Outcome.UNREACHABLE),
     Outcome.COLLISION,
 )
-"""How attempts end in which the gripper never closed."""
+"""Outcomes of attempts in which the gripper never closed."""
 _ROUNDING = {"rtol": 1e-6, "atol": 1e-9}
-"""Other machines may sum in another order."""
+"""Tolerances: other machines may sum in another order."""
 
 
 def label_faults(contents: Row, spec: EpisodeSpec) -> Iterator[Fault]:
-    """Give each label or measurement that does not follow from what is stored, and why.
+    """Yield each label or measurement that does not follow from the stored data, and why.
 
     Args:
         contents: The episode's arrays by path, unpadded, without any number that is not finite.

@@ -1,4 +1,4 @@
-"""A store's ``zarr.json`` files: are they there, as they were sealed, and of one length?"""
+"""Checks of a store's ``zarr.json`` files: existence, seals, and one number of rows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COPY_ROOT = (
 
 
 def read_document(file: Path) -> tuple[Any, str]:
-    """Return a ``zarr.json``, parsed, and what is wrong with it; None if it cannot be parsed."""
+    """Return a parsed ``zarr.json``, None if it cannot be parsed, and what is wrong with it."""
     if file.exists() and not file.is_file():
         return None, f"{FILE} is no file"
     try:
@@ -64,7 +64,7 @@ def root_problem(path: Path) -> Problem | None:
 
 
 def has_config(path: Path) -> bool:
-    """Say whether a root that is damaged still has the very config that it was made with."""
+    """Return whether a damaged root still has exactly the config that it was made with."""
     document, _ = read_document(path / FILE)
     try:
         attributes = read_attributes(path)
@@ -76,12 +76,12 @@ def has_config(path: Path) -> bool:
 
 
 def array_documents(path: Path, config: FactoryConfig) -> Iterator[tuple[str, Any, str]]:
-    """Give path, document and fault of every array that a store of this config has."""
+    """Yield path, document and fault of every array that a store of this config has."""
     listed, fault = read_document(path / schema.DIGESTS.path / FILE)
     attributes = read_attributes(path)
     fields = fields_of(path, config, attributes)
     wanted = list(fields)
-    if not fault:  # of an older version, which had fewer
+    if not fault:  # an older version has fewer arrays
         known = {*listed["attributes"].get("arrays", wanted), *schema.NOT_IN_AN_EPISODE}
         wanted = [name for name in wanted if name in known]
     is_ours = attributes["versions"].get("grasp_factory") == __version__
@@ -115,13 +115,13 @@ def length_problems(documents: Mapping[str, Any], rows: int) -> list[Problem]:
 
 
 def is_empty_group(document: Any) -> bool:
-    """Say whether this is the ``zarr.json`` of a group without attributes, as Zarr makes it."""
+    """Return whether this is the ``zarr.json`` of a group without attributes, as Zarr writes it."""
     empty = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
     return bool(document == empty)
 
 
 def _is_of(document: Any, row: schema.Field, config: FactoryConfig) -> bool:
-    """Say whether a sealed ``zarr.json`` has the attributes of a field's array."""
+    """Return whether a sealed ``zarr.json`` has the attributes of a field's array."""
     attributes = {key: value for key, value in document["attributes"].items() if key != SEAL}
     return bool(
         attributes == layout.attributes(row, config)

@@ -1,4 +1,4 @@
-"""Arrays that another program has written anew, with other chunks or codecs."""
+"""Arrays that another program has rewritten with other chunks or codecs."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ _CODECS = ({"bytes", "zstd"}, {"vlen-utf8", "zstd"}, {"sharding_indexed"})
 
 
 def is_rewritten(document: Any, row: schema.Field, config: FactoryConfig) -> bool:
-    """Say whether a field's ``zarr.json``, not as it was sealed, may be another program's.
+    """Return whether another program may have rewritten a field's ``zarr.json`` and its array.
 
-    Then its rows tell whether the array is still what it was: their checksums know nothing of
-    chunks and codecs. Where blocks are found by the names of files, those must have stayed.
+    The ``zarr.json`` does not match its seal. If the result is True, the rows' checksums show
+    whether the values are unchanged: they do not depend on chunks and codecs. An array whose file
+    names identify blocks must still have these names.
     """
     if not isinstance(document, dict) or document.get("chunk_key_encoding") != _KEYS:
         return False
@@ -40,7 +41,7 @@ def is_rewritten(document: Any, row: schema.Field, config: FactoryConfig) -> boo
 
 
 def is_recoded(document: Any) -> bool:
-    """Say whether an array's ``zarr.json`` names other codecs than the array was written with."""
+    """Return whether a ``zarr.json`` names other codecs than its array was written with."""
     codecs = document.get("codecs") if isinstance(document, dict) else None
     if not isinstance(codecs, list) or not isinstance(document.get("attributes"), dict):
         return False
@@ -49,7 +50,7 @@ def is_recoded(document: Any) -> bool:
 
 
 def sorted_out(names: Sequence[str], broken: Iterable[Problem]) -> tuple[list[Problem], list[str]]:
-    """Return a problem for each of these arrays with other values, and a note on the rest."""
+    """Return a problem for each of these arrays with changed values, and a note on the others."""
     changed = {problem.array for problem in broken}
     what = "written anew by another program, with other values"
     problems = [Problem(episode=None, array=name, what=what) for name in names if name in changed]

@@ -1,6 +1,6 @@
-"""What holds for every episode, whatever was drawn: checked on contents that match their checksum.
+"""Checks that every episode must pass, for all random draws, once its checksum matches.
 
-Each check gives (array, what is wrong) pairs.
+Each check yields (array, what is wrong) pairs.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from grasp_factory.labels.quality import BEST, WORST
 from grasp_factory.labels.rule import Measurements
 
 UNIT = 1e-5
-"""By how much a quaternion in single precision may fail to be unit, and a matrix to be a turn."""
+"""Tolerance of a quaternion's norm in single precision, and of a rotation matrix."""
 FAR = 1e-6
-"""Relative: the renderer's depth of what is at ``far`` is that but for rounding."""
+"""Relative tolerance: the renderer's depth of a point at ``far`` is ``far`` except for rounding."""
 _NOT_NEGATIVE = (
     *("object_displacement", "table_penetration", "grasp_width"),
     *(field.name for field in dataclasses.fields(Measurements) if field.name != "lift_height"),
@@ -36,7 +36,7 @@ _NOT_NEGATIVE = (
 
 
 def faults(contents: Row, pieces: PartialStore, i: int) -> Iterator[Fault]:
-    """Give each array of an episode that holds what cannot be, and what that is.
+    """Yield the path of each array of an episode with an impossible value, and what is wrong.
 
     Args:
         contents: The episode's arrays by path, unpadded, all of them.
@@ -52,7 +52,7 @@ def faults(contents: Row, pieces: PartialStore, i: int) -> Iterator[Fault]:
     path = non_finite(contents, pieces.fields.values())
     if path:
         yield path, "holds infinity, or NaN where it has no meaning"
-        return  # what follows counts with these numbers
+        return  # the next checks compute with these numbers
     yield from _code_faults(contents, pieces)
     yield from _range_faults(contents)
     yield from _pose_faults(contents)
@@ -90,7 +90,7 @@ def _recipe_faults(
 
 
 def _code_faults(contents: Row, pieces: PartialStore) -> Iterator[Fault]:
-    """Look for values of coded arrays, masks among them, that no word stands for."""
+    """Yield each coded array, masks included, that has a value without a name."""
     for path, values in contents.items():
         names = pieces.fields[path].names
         if names and values.size and int(values.max()) >= len(names):

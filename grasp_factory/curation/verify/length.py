@@ -23,7 +23,7 @@ _OF_EVERY_ROW = (
     *(schema.STATUS.path, schema.CHECKSUM.path),
     *("episodes/spec", "episodes/seed", "episodes/index"),
 )
-"""Columns that have another value than their fill in each row that was made."""
+"""Columns whose value differs from their fill value in each row that was made."""
 
 
 def document_rows(document: Any) -> int | None:
@@ -50,10 +50,10 @@ def number_of_rows(
     A block exists if most arrays have a file of it.
 
     Args:
-        path: the store's.
-        config: what it was made from.
-        fields: of the store, by path.
-        told: the number in its metadata, None where that is lost.
+        path: the store's path.
+        config: the config that it was made from.
+        fields: the store's fields, by path.
+        told: the number in its metadata; None if that is lost.
 
     Raises:
         StoreError: if it cannot be determined.

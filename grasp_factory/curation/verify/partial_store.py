@@ -25,12 +25,12 @@ class PartialStore:
     """The readable parts of a store.
 
     Attributes:
-        path: the store's.
-        config: what it was made from.
-        attributes: the root's.
-        rows: of every array.
-        fields: by path; those that the store has, damaged or not.
-        arrays: by path; those whose metadata is as it was written, and those of ``rewritten``.
+        path: the store's path.
+        config: the config that it was made from.
+        attributes: the root's attributes.
+        rows: number of rows of every array.
+        fields: by path; the fields that the store has, damaged or not.
+        arrays: by path; the arrays with undamaged metadata, and those of ``rewritten``.
         rewritten: paths of arrays that another program may have rewritten; their rows are checked.
     """
 
@@ -44,17 +44,17 @@ class PartialStore:
 
     @property
     def is_collected(self) -> bool:
-        """Whether it was merged from others, so that rows have recipes of any index."""
+        """Whether it was merged or split, so that rows may have recipes of any index."""
         return SOURCES in self.attributes
 
     @property
     def digested(self) -> tuple[str, ...]:
-        """Paths in the order of ``episodes/array_crc32c``; empty where that is damaged."""
+        """Paths in the order of ``episodes/array_crc32c``; empty if that array is damaged."""
         return digested_paths(self.arrays)
 
     @property
     def blocks(self) -> int:
-        """How many there are, of which the last may be short."""
+        """Number of blocks; the last one may be short."""
         return -(-self.rows // self.config.block_size)
 
     def rows_of(self, block: int) -> range:

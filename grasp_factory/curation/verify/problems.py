@@ -1,11 +1,11 @@
-"""What verifying finds: problems with their advice, notes, and the report that holds them."""
+"""The results of verifying: problems with advice, notes, and the report that contains them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 REPAIR = "run grasp-factory repair"
-"""Advice for what can be made again."""
+"""Advice for data that can be rebuilt."""
 GENERATE = "run its generate command again, or grasp-factory repair"
 """Advice for rows that are missing."""
 Fault = tuple[str, str]
@@ -17,7 +17,7 @@ class Problem:
     """Something that is not as it was written, or cannot be true."""
 
     episode: int | None
-    """The row; None for what belongs to the whole store."""
+    """The row; None for a problem of the whole store."""
     array: str
     """Path of the array or group in the store, or of a file; empty for the root."""
     what: str
@@ -31,7 +31,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerifyReport:
-    """What verifying found."""
+    """The result of verifying a store."""
 
     path: str
     episodes: int
@@ -41,13 +41,13 @@ class VerifyReport:
     missing: int
     problems: tuple[Problem, ...]
     notes: tuple[str, ...]
-    """What is harmless."""
+    """Harmless findings."""
     changed: tuple[str, ...]
-    """Versions and platform facts that are not those the store was made with."""
+    """Versions and platform facts that differ from those that the store was made with."""
     simulated: tuple[int, ...] = ()
     """Episodes that were simulated again."""
     deep_seed: int | None = None
-    """What they were drawn from."""
+    """Seed with which these episodes were drawn."""
 
     @property
     def is_whole(self) -> bool:

@@ -1,4 +1,4 @@
-"""What holds for every time series: even time, phases in their order, contacts all or nothing."""
+"""Checks of every time series: even timestamps, phases in order, complete contacts."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from grasp_factory.curation.verify.problems import Fault
 from grasp_factory.dataset.row_codec import Row
 
 EVEN = 1e-9
-"""Seconds by which a timestamp may be off: it is a quotient of whole numbers."""
+"""Tolerance of a timestamp in seconds: the exact value is a quotient of integers."""
 UNIT = 1e-5
-"""By how much a normal in single precision may fail to be unit."""
+"""Tolerance of a normal's length in single precision."""
 
 
 def series_faults(contents: Row, spec: EpisodeSpec) -> Iterator[Fault]:
@@ -42,7 +42,7 @@ def _is_even(times: NDArray[np.float64], rate: int) -> bool:
 
 
 def _length_faults(contents: Row, rates: dict[str, int]) -> Iterator[Fault]:
-    """Compare how long the groups of series go on: each ends within a period of the others."""
+    """Check that all groups of series end at one time, within a period of the slowest group."""
     ends = {g: len(contents[f"{g}/timestamp"]) for g in rates if f"{g}/timestamp" in contents}
     slowest = max(1.0 / rates[group] for group in ends)
     seconds = {group: count / rates[group] for group, count in ends.items()}
@@ -52,7 +52,7 @@ def _length_faults(contents: Row, rates: dict[str, int]) -> Iterator[Fault]:
 
 
 def _contact_faults(contents: Row) -> Iterator[Fault]:
-    """Check that a contact's figures are there where a body is, and only there."""
+    """Check that a contact has values if it has a body, and only then."""
     there = contents["streams/tactile_body"] != 0
     for name in ("position", "force", "normal", "depth"):
         values = contents[f"streams/tactile_{name}"]

@@ -1,4 +1,4 @@
-"""Verifying a store: its metadata, what is beside the rows, then block by block."""
+"""Verifying a store: its metadata, its data other than rows, then the rows block by block."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from grasp_factory.writers.zarr.writer import COMMITTED
 BLOCKS_AT_ONCE = 16
 """Blocks that a worker gets at a time."""
 FEW = 8
-"""Blocks up to which no process is started."""
+"""For up to this many blocks, no process is started."""
 
 
 def verify(
@@ -54,8 +54,8 @@ def verify(
     Args:
         path: the store.
         deep: this many episodes, drawn at random, are simulated again and compared byte by byte.
-        workers: processes; a small store is checked in this one.
-        deep_seed: what they are drawn from; None for another one each time.
+        workers: number of processes; a small store is checked in this process.
+        deep_seed: the seed with which they are drawn; None for another seed each time.
         on_start: called with the number of rows before the first is checked.
         on_episode: called with the number of each row, when it was checked or simulated.
 
@@ -110,7 +110,7 @@ def verify(
 
 
 def structure_problems(pieces: PartialStore) -> list[Problem]:
-    """Return the problems of groups, and of what the store has beside its rows."""
+    """Return the problems of groups, and of the store's data other than rows."""
     groups = group_faults(pieces.path, pieces.fields)
     out = [Problem(episode=None, array=name, what=fault) for name, fault in groups]
     for found in (carried_problems, label_problems, annotation_problems):
@@ -130,7 +130,7 @@ def check_blocks(
 
 
 def executor_for(workers: int, tasks: int, few: int) -> Executor:
-    """Return what runs so many tasks, of which few are done in this process."""
+    """Return the executor for a number of tasks; up to ``few`` tasks run in this process."""
     return InlineExecutor() if workers == 1 or tasks <= few else ProcessExecutor(workers)
 
 

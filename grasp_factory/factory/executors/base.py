@@ -1,4 +1,4 @@
-"""What every executor does, and the one that needs no other process."""
+"""The interface of executors, and the executor that needs no other process."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ SendMessage = Callable[[Any], None]
 Task = Callable[[J, SendMessage], R]
 """``task(job, report)`` does a job; it may call ``report(message)`` while it does."""
 Recover = Callable[[J, str], J]
-"""``recover(job, why)`` returns what to do in place of a job whose worker is lost, or raises."""
+"""``recover(job, why)`` returns the job that replaces one whose worker is lost, or raises."""
 Silence = Callable[[Any], float]
-"""``silence(message)`` returns for how many seconds a worker may say nothing after a message.
+"""``silence(message)`` returns for how many seconds a worker may be silent after a message.
 
-The message is None when it begins a job. A worker that says nothing for longer is lost."""
+The message is None when a worker begins a job. A worker that is silent for longer is lost."""
 
 
 def give_up(job: Any, why: str) -> Any:
-    """Recover from nothing.
+    """Raise for every lost worker; this is the default for ``recover``.
 
     Raises:
         WorkerError: always.
@@ -35,7 +35,7 @@ def give_up(job: Any, why: str) -> Any:
 
 
 def forever(message: Any) -> float:
-    """Let a worker be silent for as long as it likes."""
+    """Return infinity: a worker may be silent without limit."""
     return math.inf
 
 
@@ -54,23 +54,23 @@ class Executor(ABC):
         """Run ``task`` once on each job and return the results in the order of ``jobs``.
 
         Each message of a task reaches ``report`` in this process, in the task's order. When the
-        call ends, by whatever way, nothing of it runs any more.
+        call returns or raises, none of its worker processes runs any more.
 
         Args:
-            task: what to do.
-            jobs: on what.
-            report: hears the tasks' messages.
-            recover: asked what to do instead when a worker process dies, or is silent too long.
-            silence: how long that is.
+            task: the function to run.
+            jobs: its jobs.
+            report: called with each message of a task.
+            recover: returns the replacing job when a worker process dies, or is silent too long.
+            silence: returns how long a worker process may be silent.
 
         Raises:
-            WorkerError: if a worker process is lost, unless ``recover`` knows better. An exception
+            WorkerError: if a worker process is lost, unless ``recover`` returns a job. An exception
                 of the task is raised as it is.
         """
 
 
 class InlineExecutor(Executor):
-    """One job after the other, in this process: what kills it, kills all."""
+    """Runs one job after the other in this process: a crash of one job ends all of them."""
 
     def run(
         self,

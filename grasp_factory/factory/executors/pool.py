@@ -2,10 +2,10 @@
 
 The pool is our own. ``concurrent.futures.ProcessPoolExecutor`` hangs on Python 3.11 when it
 recycles workers (https://github.com/python/cpython/issues/115634), and breaks as a whole when one
-dies, as loky's does. Pebble isolates tasks and ends them in time, but nothing is heard of a task
-before it ends: which episode of a block killed its worker would not be known. Here there is no
-shared queue and no helper thread, so no lock can be left behind by a worker that dies, and its end
-of the pipe tells at once.
+worker dies; so does loky's. Pebble isolates tasks and ends them in time, but it reports nothing of
+a task before the task ends: it would not be known which episode of a block killed its worker. Here
+there is no shared queue and no helper thread, so a worker that dies cannot leave a lock behind, and
+its end of the pipe shows its death at once.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from grasp_factory.factory.executors.base import (
 from grasp_factory.factory.executors.serving import serve
 
 JOBS_PER_PROCESS = 32
-"""A worker is replaced after so many jobs: PyBullet's memory grows slowly over resets."""
+"""A worker is replaced after this many jobs: PyBullet's memory grows slowly over resets."""
 
 ONE_THREAD = {
     name: "1"
@@ -49,11 +49,11 @@ ONE_THREAD = {
         "OPENCV_FOR_THREADS_NUM",
     )
 }
-"""Set in workers: they share the cores among themselves already."""
+"""Environment variables of workers: the workers already share the cores among themselves."""
 
 _SPAWN = multiprocessing.get_context("spawn")
 _OVERSLEPT_S = 5.0
-"""Seconds that this process may wake too late before it takes it that all were halted."""
+"""Seconds of delay after which this process assumes that it and its workers were suspended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class ProcessExecutor(Executor):
 
 
 class _LostError(Exception):
-    """A worker died or was too long silent; the text says which."""
+    """A worker died or was silent for too long; the text says which."""
 
 
 @dataclass(slots=True)
@@ -116,12 +116,12 @@ class _Worker:
     pipe: connection.Connection[Any, Any]
     silence: Silence
     place: int = -1
-    """Of its job among all."""
+    """Position of its job among all jobs."""
     job: Any = None
     done: int = 0
     """Jobs that it has finished."""
     heard: bool = False
-    """It has sent something, so it had started well."""
+    """Whether it has sent something, so that it is known to have started."""
     allowed: float = math.inf
     """Seconds that it may be silent."""
     since: float = 0.0
@@ -130,11 +130,11 @@ class _Worker:
     def give(self, place: int, job: Any) -> None:
         self.place, self.job = place, job
         self._listen(None)
-        with contextlib.suppress(OSError):  # it died: the next receive says so
+        with contextlib.suppress(OSError):  # it died: the next receive reports that
             self.pipe.send(job)
 
     def receive(self) -> tuple[str, Any]:
-        """Return what it sent; call it when there is something, or its time is over."""
+        """Return the worker's message; call this when there is one, or its time is over."""
         if not self.pipe.poll():
             self.process.kill()  # it may be stopped, or stuck where no other signal reaches it
             self.stop()
@@ -142,7 +142,7 @@ class _Worker:
         try:
             kind, value = self.pipe.recv()
         except (EOFError, OSError):
-            self.process.join(timeout=5.0)  # it may still be on its way out
+            self.process.join(timeout=5.0)  # it may still be ending
             self.stop()
             self._check_guard()
             raise _LostError(self._cause()) from None
@@ -151,8 +151,8 @@ class _Worker:
         return kind, value
 
     def stop(self) -> None:
-        """End the process: between jobs there is nothing to lose, within one it is done again."""
-        if not self.heard:  # it is starting, and would not hear
+        """End the process; between jobs nothing is lost, and an unfinished job is done again."""
+        if not self.heard:  # it is starting, and would not react to SIGTERM
             self.process.kill()
         self.process.terminate()
         self.process.join(timeout=3.0)  # time to tidy its temporary files
@@ -176,14 +176,14 @@ class _Worker:
 
 
 def _wait(team: dict[Any, _Worker]) -> list[_Worker]:
-    """Wait for workers that have something to say, or should have had."""
+    """Wait, and return the workers that have sent a message or are silent for too long."""
     now = time.monotonic()
     patience = min(worker.since + worker.allowed for worker in team.values()) - now
     ready = connection.wait(list(team), None if patience == math.inf else max(patience, 0.0))
     if ready:
         return [team[pipe] for pipe in ready]
     overslept = time.monotonic() - now - max(patience, 0.0)
-    if overslept > _OVERSLEPT_S:  # a laptop's lid, Ctrl-Z: they had no time either
+    if overslept > _OVERSLEPT_S:  # a closed lid, Ctrl-Z: workers were suspended too
         for worker in team.values():
             worker.since = time.monotonic()
     now = time.monotonic()
@@ -219,7 +219,7 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _no_interrupt() -> Iterator[None]:
-    """Hold signals back for a while; a child started meanwhile never sees Ctrl-C."""
+    """Block SIGINT and SIGTERM for a while; a child started meanwhile never receives Ctrl-C."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield

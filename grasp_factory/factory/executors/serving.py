@@ -33,7 +33,7 @@ def serve(task: Task[Any, Any], pipe: connection.Connection[Any, Any]) -> None:
             job = pipe.recv()
             try:
                 pipe.send(("result", task(job, report)))
-            except MemoryError:  # the kernel would do it a little later
+            except MemoryError:  # the kernel would kill it a little later
                 os.kill(os.getpid(), signal.SIGKILL)
             except Exception as error:
                 pipe.send(("error", _portable(error)))
