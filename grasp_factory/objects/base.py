@@ -1,4 +1,4 @@
-"""What an object is, as data: the scene loads it, the sampler draws it."""
+"""The data of an object: the sampler draws an object, and the scene loads it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from grasp_factory.errors import lookup
 MAX_PARTS = 16
 """Collision parts of a compound; with more, PyBullet 3.2.7 crashes the process."""
 PRIMITIVES = ("box", "sphere", "cylinder", "capsule")
-"""Shapes that the engine knows exactly; cylinders and capsules stand along z."""
+"""Shapes that the engine represents exactly; the axis of cylinders and capsules is z."""
 GREY = (0.6, 0.6, 0.6)
 
 
@@ -25,31 +25,31 @@ class Part:
     """A convex solid, or several in one mesh file, fixed in an object."""
 
     shape: str
-    """One of ``PRIMITIVES``, or the path of an OBJ file whose every ``o`` group is convex."""
+    """One of ``PRIMITIVES``, or the path of an OBJ file in which each ``o`` group is convex."""
     size: Vector3
-    """Sides of a primitive's bounding box, metres; of a mesh file, the scale of its axes."""
+    """Sides of a primitive's bounding box, metres; for a mesh file, the scale of each axis."""
     pose: Pose = IDENTITY
     """In the object's own frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UrdfFile:
-    """A body that ``pybullet_data`` ships; the engine's loader sees to shapes and inertia."""
+    """A body that ``pybullet_data`` ships; the engine's loader sets its shapes and inertia."""
 
     path: str
-    """Inside ``pybullet_data``."""
+    """Relative to the folder of ``pybullet_data``."""
     scale: float = 1.0
-    """Factor on the file's own size."""
+    """Factor by which the size in the file is multiplied."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compound:
-    """A rigid body put together from parts, with exact mass properties."""
+    """A rigid body that consists of parts, with exact mass properties."""
 
     parts: tuple[Part, ...]
-    """What collides, up to ``MAX_PARTS``."""
+    """The collision shapes, up to ``MAX_PARTS``."""
     visual: tuple[Part, ...] = ()
-    """What is seen; the parts themselves where this is empty."""
+    """The visual shapes; if empty, ``parts`` are rendered."""
     inertial_frame: Pose = IDENTITY
     """Centre of mass and principal axes, in the object's own frame."""
     gyration_squared: Vector3
@@ -63,7 +63,7 @@ class ObjectModel:
     object_id: str
     """Unique over all sets; it begins with the set's name and a slash."""
     family: str
-    """The kind of shape, a word: box, mug, blob."""
+    """The kind of shape in one word, such as box, mug or blob."""
     body: UrdfFile | Compound
     lower: Vector3
     """Corner of the bounding box in the object's own frame, metres."""
@@ -72,15 +72,15 @@ class ObjectModel:
     """kg."""
     lateral_friction: float
     color: Vector3 | None = None
-    """RGB in 0 to 1; None where the body's file has colours of its own."""
+    """RGB in 0 to 1; None if the body's file has its own colours."""
     split_by: str = ""
-    """What the split hangs on, where two ids may stand for one object; the id otherwise."""
+    """Key of the split, if two ids may be the same object; if empty, the id is the key."""
 
     @property
     def split(self) -> str:
         """``train``, ``val`` or ``test`` (80, 10, 10 %).
 
-        It hangs on the object alone, so that it stays when a set grows.
+        It depends on the object alone, so it does not change when a set grows.
         """
         return split_of(self.split_by or self.object_id)
 
@@ -98,16 +98,16 @@ class ObjectSet(abc.ABC):
     @property
     @abc.abstractmethod
     def families(self) -> tuple[str, ...]:
-        """Every family there is in the set, sorted."""
+        """Every family in the set, sorted."""
 
     @property
     @abc.abstractmethod
     def size(self) -> int | None:
-        """How many objects there are; None for no end of them."""
+        """The number of objects; None if it is unlimited."""
 
     @abc.abstractmethod
     def draw(self, rng: np.random.Generator) -> ObjectModel:
-        """Draw an object; the same generator state gives the same one."""
+        """Draw an object; the same generator state yields the same object."""
 
     @abc.abstractmethod
     def model(self, object_id: str) -> ObjectModel:
@@ -120,7 +120,7 @@ class ObjectSet(abc.ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FiniteSet(ObjectSet):
-    """A set whose objects are listed; each is as likely as the others."""
+    """A set whose objects are listed; all are equally likely."""
 
     name: str
     description: str

@@ -1,4 +1,4 @@
-"""pybullet_data's random_urdfs: a thousand irregular shapes, less those that cannot be grasped."""
+"""Irregular shapes: the 1000 random_urdfs of pybullet_data, without those too large or thin."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from importlib import resources
 from grasp_factory.objects.base import FiniteSet, ObjectModel, UrdfFile
 
 SMALLEST_SIDE = (0.015, 0.075)
-"""Metres. Thinner ones lie flat under the fingertips; thicker ones fit no gripper of the table."""
+"""Metres. Thinner objects lie below the fingertips; thicker ones fit into no gripper."""
 LARGEST_MIDDLE_SIDE = 0.100
-"""Metres: objects come to rest on their largest face, so the middle side is the one to span."""
+"""Metres. Objects come to rest on their largest face, so the fingers must span the middle side."""
 
 
 def _models() -> dict[str, ObjectModel]:

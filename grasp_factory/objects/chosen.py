@@ -1,4 +1,4 @@
-"""Objects of some splits only: those of training, or those that no training has seen."""
+"""Draw objects of some splits only, such as those for training or those for testing."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from grasp_factory.errors import ConfigError, RecipeError
 from grasp_factory.objects.base import FiniteSet, ObjectModel, ObjectSet
 
 TRIES = 500
-"""Draws for an object of a split: those that hold a tenth are missed once in 10 to the 23."""
+"""Maximum draws; a split with a tenth of the objects is missed with probability 1e-23."""
 
 
 def check_splits(found: ObjectSet, splits: Collection[str]) -> None:
-    """Check that a set has objects of some splits, as far as it lists what it has.
+    """Check that a set has objects of some splits; a set that is not listed always passes.
 
     Raises:
         ConfigError: naming the set and the splits that it has.
@@ -30,10 +30,10 @@ def check_splits(found: ObjectSet, splits: Collection[str]) -> None:
 
 
 def draw_of(found: ObjectSet, splits: Collection[str], rng: np.random.Generator) -> ObjectModel:
-    """Draw an object of some splits; of all of them it is the one that the set itself draws.
+    """Draw an object of some splits; with all splits it is the object that ``found.draw`` returns.
 
     Raises:
-        RecipeError: if the set does not seem to have any.
+        RecipeError: if ``TRIES`` draws find no object of these splits.
     """
     if set(splits) == set(SPLITS):
         return found.draw(rng)

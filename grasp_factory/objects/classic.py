@@ -1,7 +1,7 @@
-"""The graspable bodies that pybullet_data ships one by one.
+"""The graspable bodies that pybullet_data ships as single files.
 
-The domino lies 6 mm thick under fingertips that stay 5 mm above the table: a hard case. The mug
-collides as if it were full; the procedural ones are hollow.
+The domino is a hard case: lying flat it is 6 mm thick, and the fingertips stay 5 mm above the
+table. The mug has a solid collision shape; the procedural mugs are hollow.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ def _model(
         lower=lower,
         upper=upper,
         mass=mass,
-        # Bullet's default and a middling dry contact: the pads' own coefficient is 1, so it is
-        # the pair's value.
+        # Bullet's default, typical of a dry contact. The pads' own coefficient is 1, so this is
+        # also the value of the pair.
         lateral_friction=0.5,
     )
 
 
-# Boxes and spheres are those of the files' collision shapes; the boxes of duck and teddy those of
-# duck_vhacd.obj and teddy2_VHACD_CHs.obj at the files' scale, to 0.1 mm. Masses are the files',
-# but for the brick, whose 0.1 kg would be denser than stone: this is solid ABS, 1050 kg/m3; and the
-# mug, whose 1 kg is three times a real one's. It is made a tenth smaller to fit every gripper.
+# The bounding boxes are those of the files' collision shapes; those of duck and teddy come from
+# duck_vhacd.obj and teddy2_VHACD_CHs.obj at the files' scale, to 0.1 mm. The masses are the files',
+# with two exceptions. The brick's 0.1 kg would be denser than stone; here it is solid ABS, 1050
+# kg/m3. The mug's 1 kg is three times a real mug's; it is also 10 % smaller to fit every gripper.
 _MODELS = (
     _model("cube", "cube_small.urdf", (-0.025, -0.025, -0.025), (0.025, 0.025, 0.025), 0.1),
     _model("sphere", "sphere_small.urdf", (-0.03, -0.03, -0.03), (0.03, 0.03, 0.03), 0.1),

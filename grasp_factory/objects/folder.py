@@ -1,4 +1,4 @@
-"""The objects of a user's folder, as its import left them: a manifest and meshes in the cache."""
+"""The imported objects of a user's folder: a manifest and meshes in the cache."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from grasp_factory.objects.folder_cache import manifest_path, mesh_path
 FORMAT = 1
 """Version of the manifest."""
 MAX_PRIMITIVES = MAX_PARTS - 1
-"""Beside the one part that the mesh file is."""
+"""Primitives of an object; its mesh file is one more part."""
 MAX_REACH = 2.0
-"""Metres from an object's origin to anything of it."""
+"""Metres from an object's origin to any point of it, along each axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class ConvexPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Geometry:
-    """What an object is made of, whatever its mass; metres, the object's own frame."""
+    """Shape and mass distribution of an object, for any mass; metres, in the object's own frame."""
 
     lower: Vector3
     upper: Vector3
@@ -52,12 +52,12 @@ class Geometry:
     gyration_squared: Vector3
     """As in ``Compound``."""
     collision: str = ""
-    """SHA-256 of the OBJ file with the convex parts; empty where there are primitives only."""
+    """SHA-256 of the OBJ file with the convex parts; empty if there are only primitives."""
     visual: str = ""
-    """SHA-256 of the OBJ file that is seen; empty where the primitives are."""
+    """SHA-256 of the visual OBJ file; empty if the primitives are rendered."""
     solids: tuple[ConvexPart, ...] = ()
     hulls: int = 0
-    """Convex parts in the collision file."""
+    """Number of convex parts in the collision file."""
 
     def __post_init__(self) -> None:
         for key in ("lower", "upper", "com"):
@@ -86,7 +86,7 @@ class FolderObject:
 
     family: str
     shape_sha256: str
-    """Of its shape, whatever its size, format and name; the split hangs on it."""
+    """Digest of its shape, independent of size, format and name; the split depends on it."""
     mass: float
     """kg."""
     lateral_friction: float
@@ -116,15 +116,15 @@ class Manifest:
             _check_name("objects", key)
 
     def encoded(self) -> bytes:
-        """Return the one text that stands for this content."""
+        """Return the manifest as JSON text; equal content has the same text."""
         return json.dumps(to_plain(self), sort_keys=True, separators=(",", ":")).encode()
 
     @classmethod
     def decoded(cls, data: bytes) -> Manifest:
-        """Return the manifest of a text.
+        """Return the manifest that a JSON text contains.
 
         Raises:
-            ConfigError: if it is none.
+            ConfigError: if the text is not a valid manifest.
         """
         try:
             return from_plain(cls, json.loads(data), "manifest")
@@ -146,7 +146,7 @@ def load_folder(name: str, sha256: str) -> FiniteSet:
         sha256: the digest of its manifest, as the import returned it.
 
     Raises:
-        ConfigError: if this machine's cache does not have it, whole and undamaged.
+        ConfigError: if this machine's cache does not have all of it undamaged.
     """
     return _load(name, sha256, cache_dir())
 

@@ -1,4 +1,4 @@
-"""An imported folder as one file, so that a dataset can carry its objects with it."""
+"""Pack an imported folder into one file, so that a dataset can contain its objects."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from grasp_factory.objects.folder_cache import manifest_path, mesh_path
 
 MANIFEST = "manifest.json"
 MAX_BYTES = 2**31
-"""Of an archive."""
+"""Largest size of an archive."""
 MAX_NUMBER = 2.0 * MAX_REACH
-"""In a mesh: what is seen may lie a little beyond what collides."""
+"""Largest number in a mesh; a visual shape may extend a little beyond the collision shape."""
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
-"""The first date that a zip file knows; with it, equal objects are equal archives."""
+"""The earliest date of the zip format; with a fixed date, equal objects make equal archives."""
 _NUMBER = rb"-?\d{1,20}(?:\.\d{1,20})?(?:e-?\d{1,3})?"
 _LINE = re.compile(
     rb"o \w{1,40}"
@@ -53,8 +53,8 @@ def pack_folder(sha256: str) -> bytes:
 def unpack_folder(data: bytes) -> str:
     """Put the objects of an archive into this machine's cache and return their digest.
 
-    The archive may come from anybody: nothing in it names a file, and a mesh is taken only if
-    it has the hash that the manifest says and is of the plain form that imports write.
+    The archive is not trusted: it cannot choose where files are written, and a mesh is accepted
+    only if it has the hash in the manifest and the plain form that imports write.
 
     Raises:
         StoreError: naming what is wrong with the archive.
@@ -86,7 +86,7 @@ def _members(data: bytes) -> dict[str, bytes]:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             room = len(data)
             for info in archive.infolist():
-                room -= info.file_size  # members that share bytes would grow like a bomb
+                room -= info.file_size  # members that share bytes would be a zip bomb
                 plain = info.compress_type == zipfile.ZIP_STORED and not info.flag_bits & 1
                 if not plain or room < 0 or info.filename in members:
                     raise StoreError("a member is compressed, encrypted, too long or there twice")
@@ -97,7 +97,7 @@ def _members(data: bytes) -> dict[str, bytes]:
 
 
 def _check_mesh(sha256: str, data: bytes) -> None:
-    """Refuse a mesh that the engine's loader could stumble on, or that names another file."""
+    """Refuse a mesh on which the engine's loader could fail, or that refers to another file."""
     if digest(data) != sha256:
         raise StoreError(f"mesh {sha256} has another content than its name says")
     lines = data.split(b"\n")

@@ -1,4 +1,4 @@
-"""Where the parts of an imported folder lie in this machine's cache."""
+"""Paths of an imported folder's files in this machine's cache."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from pathlib import Path
 
 
 def mesh_path(cache: Path, sha256: str) -> Path:
-    """Return where the OBJ file with that content lies, or would."""
+    """Return the path of the OBJ file with that digest, whether it exists or not."""
     return cache / "meshes" / f"{sha256}.obj"
 
 
 def manifest_path(cache: Path, sha256: str) -> Path:
-    """Return where the manifest with that digest lies, or would."""
+    """Return the path of the manifest with that digest, whether it exists or not."""
     return cache / "folders" / f"{sha256}.json"

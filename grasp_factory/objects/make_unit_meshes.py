@@ -1,4 +1,4 @@
-"""How the unit meshes are made: ``python -m grasp_factory.objects.make_unit_meshes``."""
+"""Make the unit meshes: ``python -m grasp_factory.objects.make_unit_meshes``."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from grasp_factory.objects.unit_meshes import (
 )
 
 Span = tuple[float, float]
-"""A share of a texture's width."""
+"""Start and end of an interval of a texture's width, 0 to 1."""
 
 
 def unit_meshes() -> dict[str, str]:
-    """Return the text of every file by its mesh's name."""
+    """Return the text of every OBJ file by the name of its mesh."""
     square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     triangle = square[[0, 1, 3]]
     circle = _polygon(ROUND)
@@ -61,7 +61,7 @@ def _polygon(sides: int) -> Array:
 
 
 def _spans(sides: int) -> list[Span]:
-    """Return the shares of the sides when a texture goes around once."""
+    """Return the texture interval of each side if a texture goes around once."""
     return [(i / sides, (i + 1) / sides) for i in range(sides)]
 
 
@@ -69,10 +69,10 @@ def _loft(bottom: Array, top: Array, spans: Sequence[Span] | None = None) -> Pol
     """Return the solid between two outlines (n, 2), counter-clockwise, at z of -0.5 and 0.5.
 
     Args:
-        bottom: the outline below.
-        top: the outline above, its edges parallel to those below.
-        spans: the texture's share for each side, and the sides are shaded as round; None for
-            flat sides with the whole texture on each.
+        bottom: the outline at z = -0.5.
+        top: the outline at z = 0.5; its edges are parallel to those of ``bottom``.
+        spans: the texture interval of each side, which is then shaded as round; None for flat
+            sides, each with the whole texture.
     """
     n = len(bottom)
     low = np.column_stack([bottom, np.full(n, -0.5)])
@@ -91,14 +91,14 @@ def _loft(bottom: Array, top: Array, spans: Sequence[Span] | None = None) -> Pol
 
 
 def _cap(points: Array, z: float) -> Face:
-    """Return a face that looks along z, with the texture spread over the unit square."""
+    """Return a face whose normal is along z, with the texture spread over the unit square."""
     return [_corner(p, (p[0] + 0.5, p[1] + 0.5), np.array([0.0, 0.0, z])) for p in points]
 
 
 def _rounded(flat: Array, point: Array) -> Array:
-    """Return the normal at a point of the round surface that a flat side stands for.
+    """Return the normal at a point of the round surface that a flat side approximates.
 
-    Sides that stand across the round surface, as those between the wedges of a ring, stay flat.
+    Sides across the round surface, such as those between the wedges of a ring, stay flat.
     """
     radial = point[:2] / np.linalg.norm(point[:2])
     along = float(flat[:2] @ radial)
@@ -150,7 +150,7 @@ def _ball(meridians: int, bands: int) -> Polyhedron:
 
 
 def _on_ball(u: float, v: float) -> Corner:
-    """Return the corner at a share of longitude and latitude."""
+    """Return the corner at longitude ``u`` and latitude ``v``, each as a share of its range."""
     longitude, polar = 2.0 * np.pi * u, np.pi * v
     sine = np.sin(polar)
     normal = np.array([sine * np.cos(longitude), sine * np.sin(longitude), -np.cos(polar)])

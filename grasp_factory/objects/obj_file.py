@@ -15,7 +15,7 @@ from grasp_factory.core.geometry import Array
 
 @dataclass(frozen=True, slots=True)
 class Corner:
-    """Where a face has a vertex."""
+    """A corner of a face: its position, texture coordinates and normal."""
 
     position: tuple[float, float, float]
     texture: tuple[float, float]
@@ -29,7 +29,7 @@ Polyhedron = Sequence[Face]
 
 
 def obj_text(solids: Sequence[Polyhedron]) -> str:
-    """Return the OBJ text of some solids, each value once."""
+    """Return the OBJ text of some solids; equal values are written once."""
     tables: dict[str, dict[str, int]] = {"v": {}, "vt": {}, "vn": {}}
     groups = []
     for i, solid in enumerate(solids):
@@ -51,7 +51,7 @@ def obj_text(solids: Sequence[Polyhedron]) -> str:
 
 @cache
 def triangles(path: Path) -> Array:
-    """Return the triangles (n, 3, 3) of a file's groups together; a face becomes a fan of them."""
+    """Return the triangles (n, 3, 3) of all groups of a file; each face becomes a triangle fan."""
     vertices: list[list[float]] = []
     found = []
     for line in path.read_text(encoding="utf-8").splitlines():
@@ -66,5 +66,5 @@ def triangles(path: Path) -> Array:
 
 
 def numbers_text(values: Sequence[float]) -> str:
-    """Return numbers as an OBJ file has them: at most 7 decimals and 7 digits, never -0."""
+    """Return numbers as OBJ text: at most 7 decimals and 7 digits, never -0."""
     return " ".join(f"{round(value, 7) + 0.0:.7g}" for value in values)  # + 0.0: no minus zero

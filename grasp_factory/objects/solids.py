@@ -1,8 +1,8 @@
-"""Exact volume, centre of mass, inertia and bounding box of a body put together from parts.
+"""Exact volume, centre of mass, inertia and bounding box of a body that consists of parts.
 
-Everything is worked out from the integrals of 1, r and r r' over the solid, which add up over
-parts and follow a change of coordinates x -> A x + t by the chain rule alone: the parallel-axis
-theorem is the term in t, and the scale of a mesh the diagonal of A.
+Everything is computed from the integrals of 1, r and r r' over the solid. The integrals of parts
+add up. A change of coordinates x -> A x + t transforms them by the chain rule: the term in t is
+the parallel-axis theorem, and the diagonal of A is the scale of a mesh.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from grasp_factory.objects.base import Compound, Part
 from grasp_factory.objects.obj_file import triangles
 
 MAX_SWEEPS = 20
-"""Of Jacobi's method, which needs about five for three axes."""
+"""Limit for Jacobi's method, which needs about five sweeps for three axes."""
 DIAGONAL = 1e-12
-"""Off-diagonal terms below this share of the trace are rounding."""
+"""Off-diagonal terms below this share of the trace are rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +33,9 @@ class Moments:
     volume: float
     """m3."""
     first: Array
-    """Of r, (3,) m4."""
+    """Integral of r, (3,) m4."""
     second: Array
-    """Of r r', (3, 3) m5."""
+    """Integral of r r', (3, 3) m5."""
 
     def mapped(self, A: Array, t: Array) -> Moments:
         """Return the moments of the solid moved by x -> A x + t, where det A > 0."""
@@ -49,18 +49,18 @@ class Moments:
 
 
 def _centred(volume: float, x: float, y: float, z: float) -> Moments:
-    """Return moments about the middle of a solid with three planes of symmetry."""
+    """Return moments about the centre of a solid with three planes of symmetry."""
     return Moments(volume, np.zeros(3), np.diag([x, y, z]))
 
 
 BOX = _centred(1.0, 1 / 12, 1 / 12, 1 / 12)
 BALL = _centred(math.pi / 6, *[math.pi / 120] * 3)
 CYLINDER = _centred(math.pi / 4, math.pi / 64, math.pi / 64, math.pi / 48)
-"""All three fill a box of 1 x 1 x 1: the ball of radius r has r2/5 per axis, the disc r2/4."""
+"""All three fill a box of 1 x 1 x 1. Mean square per axis: r2/5 for a ball, r2/4 for a disc."""
 
 
 def polyhedron(faces: Array) -> Moments:
-    """Return the moments of what a closed surface of triangles (n, 3, 3) encloses.
+    """Return the moments of the solid inside a closed surface of triangles (n, 3, 3).
 
     Sums over the tetrahedra from the origin to each triangle (divergence theorem), with the
     integrals of F. Tonon, "Explicit exact formulas for the 3-D tetrahedron inertia tensor in
@@ -106,7 +106,7 @@ def _part_moments(part: Part) -> Moments:
 def _capsule(size: Vector3) -> Moments:
     """Return the moments of a cylinder along z between two hemispheres.
 
-    The centroid of a hemisphere lies 3/8 r from its disc.
+    The centroid of a hemisphere is 3/8 r from its disc.
     """
     r, h = size[0] / 2.0, size[2] - size[0]
     tube = CYLINDER.mapped(np.diag([2.0 * r, 2.0 * r, h]), np.zeros(3)) if h > 0.0 else None
@@ -140,9 +140,9 @@ def compound(parts: tuple[Part, ...]) -> tuple[Compound, float]:
 def principal_axes(covariance: Array) -> tuple[Array, Array]:
     """Return the rotation R (3, 3) and the values d (3,) with ``R diag(d) R' = covariance``.
 
-    Jacobi's method with the smaller angle, and not a library's eigenvectors: these come in any
-    order and sign, and turn freely where two values are equal, as they are in half of all
-    objects. Here an axis that is principal already stays, on every machine.
+    This is Jacobi's method with the smaller angle. A library's eigenvectors have any order and
+    sign, and are arbitrary if two values are equal, as in half of all objects. Here an axis that
+    is already principal does not change, on any machine.
     """
     D, R = covariance.copy(), np.eye(3)
     limit = DIAGONAL * float(np.trace(covariance))

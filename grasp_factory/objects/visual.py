@@ -1,6 +1,6 @@
-"""What an object looks like: mesh files for everything that is seen.
+"""The appearance of an object: a mesh file for each visual shape.
 
-The renderer's own capsule is a crude pointed thing, and textures do not map onto its boxes.
+The renderer's own capsules are coarse and pointed, and its own boxes show no textures.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from grasp_factory.objects.unit_meshes import mesh_file
 
 
 def visual_parts(body: Compound) -> tuple[Part, ...]:
-    """Return the parts that are seen, all of them mesh files; a capsule is three."""
+    """Return the visual parts, all of them mesh files; a capsule becomes three parts."""
     return tuple(mesh for part in body.visual or body.parts for mesh in _meshes(part))
 
 

@@ -1,4 +1,4 @@
-"""What an import returns, and why an object is refused."""
+"""The records that an import returns, and the error for an unusable object."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class ImportedObject:
     file: str
     """Its path in the folder."""
     sides: Vector3
-    """Metres, ascending: the narrowest width and the two across it."""
+    """Metres, ascending: the narrowest width, and the two sides at right angles to it."""
     mass: float
     """kg."""
     parts: int
-    """Convex parts that collide."""
+    """Number of convex collision parts."""
     split: str
     warnings: tuple[str, ...] = ()
 
@@ -37,19 +37,19 @@ class Refusal:
     """A file that cannot be used."""
 
     file: str
-    """Its path in the folder, as it is: it may hold what a terminal takes for a command."""
+    """Its path in the folder, not escaped: it may contain terminal control sequences."""
     reason: str
-    """In one line that can be printed."""
+    """One line of printable characters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FolderReport:
-    """What became of every object of a folder."""
+    """The result for every object of a folder."""
 
     name: str
-    """Of the object set."""
+    """Name of the object set."""
     sha256: str
-    """Digest of the usable objects, for ``load_folder``; the folder's place is not in it."""
+    """Digest of the usable objects, for ``load_folder``; independent of the folder's path."""
     usable: tuple[ImportedObject, ...]
     refused: tuple[Refusal, ...]
     warnings: tuple[str, ...] = ()

@@ -20,7 +20,7 @@ from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.job import Converted, Job, decode, encode, message_length
 
 TIME_LIMIT_S = 1200.0
-"""Seconds for one object, in case the child sleeps; the child limits its own CPU time."""
+"""Wall-clock seconds for one object, in case the child sleeps; the child limits its CPU time."""
 MAX_REPLY = 64 * 2**20
 """Bytes; the files of an object take about 2 MB."""
 MAX_THREADS = 4
@@ -55,7 +55,7 @@ class Child:
             self._process = None
 
     def convert(self, job: Job, blobs: Sequence[bytes]) -> tuple[Converted, dict[str, bytes]]:
-        """Return an object, and its OBJ files by their SHA-256.
+        """Return the converted object, and its OBJ files by their SHA-256.
 
         Raises:
             CrashError: if the conversion crashed, or took too long or too much memory.

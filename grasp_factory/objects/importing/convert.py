@@ -1,4 +1,4 @@
-"""From the content of files to an object that the engine can load. Runs in the child process."""
+"""Convert the content of files to an object for the engine. Runs in the child process."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from grasp_factory.objects.importing.units import check_size, sides
 from grasp_factory.objects.solids import Moments, bounds, moments, polyhedron, principal_axes
 
 DIGITS = 9
-"""Significant ones of what is kept: less than what a file's single precision holds is noise."""
+"""Significant digits of stored numbers: enough for the single precision of mesh files."""
 
 
 def convert(job: Job, blobs: Sequence[bytes]) -> tuple[Converted, dict[str, bytes]]:
-    """Return an object, and its OBJ files by their SHA-256.
+    """Return the converted object, and its OBJ files by their SHA-256.
 
     Raises:
-        UnusableError: if no object can be made of it.
+        UnusableError: if no object can be made from it.
     """
     if sum(shape.kind in PRIMITIVES for shape in job.collision) > MAX_PRIMITIVES:
         raise UnusableError(f"it has more than {MAX_PRIMITIVES} primitive shapes")
@@ -52,7 +52,7 @@ def convert(job: Job, blobs: Sequence[bytes]) -> tuple[Converted, dict[str, byte
             surface = read(shape.kind, shape.blob)
             meshes.append(placed(surface, shape, job.guess_units, warnings))
             color = color or surface.color
-    lower, upper, measured = _measured(meshes, parts)  # before the decomposition takes its time
+    lower, upper, measured = _measured(meshes, parts)  # before the slow decomposition
     bodies = [_Body.of(mesh, MAX_HULLS // len(meshes), warnings) for mesh in meshes]
     hulls = [hull for body in bodies for hull in body.hulls]
 
@@ -110,7 +110,7 @@ class _Body:
 def _measured(
     meshes: Sequence[trimesh.Trimesh], parts: Sequence[Part]
 ) -> tuple[Array, Array, Vector3]:
-    """Return the corners of the bounding box, (3,) metres each, and the object's own sides."""
+    """Return the corners of the bounding box, (3,) metres each, and ``ImportedObject.sides``."""
     boxes = [mesh.bounds for mesh in meshes] + [np.array(bounds([part])) for part in parts]
     lower = np.min([low for low, _ in boxes], axis=0)
     upper = np.max([high for _, high in boxes], axis=0)
@@ -134,7 +134,7 @@ def _distribution(found: Sequence[Moments]) -> tuple[float, Pose, Vector3]:
 
 
 def _is_physical(own: Moments, whole: ConvexHull) -> bool:
-    """Say whether a closed surface has the moments of a solid within its hull."""
+    """Return whether the moments of a closed surface are possible for a solid within its hull."""
     com = own.first / own.volume
     squares = np.linalg.eigvalsh(own.second / own.volume - np.outer(com, com))
     outside = (whole.equations[:, :3] @ com + whole.equations[:, 3]).max()

@@ -1,4 +1,4 @@
-"""Which files of a folder are objects, and reading them without ever leaving the folder."""
+"""List the files of a folder that may be objects, and read only files inside the folder."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from grasp_factory.objects.importing.base import SUFFIXES, Refusal, UnusableErro
 SETTINGS_FILE = "objects.yaml"
 NOT_SETTINGS = f"objects.yml is not read: settings are looked for in {SETTINGS_FILE}"
 MAX_BYTES = 200 * 2**20
-"""Of a file."""
+"""Largest size of a file."""
 MAX_DEPTH = 16
-"""Folders within folders."""
+"""Levels of nested folders."""
 MAX_ENTRIES = 100_000
-"""Files and folders that are looked at."""
+"""Largest number of files and folders."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """The files of a folder that ask to be objects; paths are relative, with slashes."""
+    """The files of a folder that may be objects; paths are relative, with slashes."""
 
     files: tuple[str, ...]
     refused: tuple[Refusal, ...]
@@ -33,7 +33,7 @@ class Listing:
 
 
 def list_files(root: Path) -> Listing:
-    """Find everything below ``root`` whose name ends like an object's, sorted by path.
+    """Find all entries below ``root`` whose suffix is that of an object, sorted by path.
 
     Raises:
         UsageError: if the folder cannot be read, or holds more than ``MAX_ENTRIES``.
@@ -57,12 +57,12 @@ def list_files(root: Path) -> Listing:
 
 
 def suffix(path: str) -> str:
-    """Return what a name ends in, in lower case and without the dot."""
+    """Return the suffix of a name, in lower case and without the dot."""
     return PurePosixPath(path).suffix.lower().removeprefix(".")
 
 
 def keys(files: Sequence[str]) -> dict[str, str]:
-    """Return an id for each file: its path without the suffix, with it where two would clash."""
+    """Return an id for each file: its path, without the suffix unless two ids would be equal."""
     stems = {file: str(PurePosixPath(file).with_suffix("")) for file in files}
     counts = Counter(stems.values())
     return {
@@ -74,11 +74,11 @@ def keys(files: Sequence[str]) -> dict[str, str]:
 def read_inside(root: Path, path: str) -> bytes:
     """Return the content of a regular file below ``root``.
 
-    Each step of the path is opened from the one before and no link is followed, so that whatever
-    a file of the folder says, and whoever renames things meanwhile, nothing outside is opened.
+    Each part of the path is opened relative to the one before, and no link is followed. So no
+    path in a file of the folder, and no renaming meanwhile, can open anything outside.
 
     Raises:
-        UnusableError: if there is no such file, or it is none that can be read.
+        UnusableError: if there is no such file, or it cannot be read.
     """
     parts = PurePosixPath(path).parts
     if not parts or path.startswith("/") or ".." in parts or "\0" in path:
@@ -88,7 +88,7 @@ def read_inside(root: Path, path: str) -> bytes:
             at = _open(stack, root, None, os.O_DIRECTORY)
             for part in parts[:-1]:
                 at = _open(stack, part, at, os.O_DIRECTORY | os.O_NOFOLLOW)
-            at = _open(stack, parts[-1], at, os.O_NOFOLLOW | os.O_NONBLOCK)  # a pipe would wait
+            at = _open(stack, parts[-1], at, os.O_NOFOLLOW | os.O_NONBLOCK)  # a FIFO would block
             status = os.fstat(at)
             if not stat.S_ISREG(status.st_mode):
                 raise UnusableError("it is no regular file")
@@ -129,7 +129,7 @@ def _walk(
 
 
 def _reason_against(path: str, entry: os.DirEntry[str]) -> str:
-    """Return why an entry is no object; empty where it may be one."""
+    """Return why an entry cannot be an object; empty if it may be one."""
     if entry.is_symlink():
         return "it is a symbolic link, and none is followed: copy the file"
     if entry.is_dir(follow_symlinks=False):

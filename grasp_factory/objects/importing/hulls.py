@@ -22,28 +22,29 @@ from grasp_factory.objects.importing.tidy import (
 )
 
 MAX_HULLS = 64
-"""Of an object: contacts cost time in proportion."""
+"""Hulls of an object: contact time is proportional to their number."""
 MAX_CORNERS = 64
-"""Of a hull, for the same reason; twice as many where it would lie too far within."""
+"""Corners of a hull, for the same reason; twice as many if points would be ``TOO_FAR`` outside."""
 TOO_FAR = (1.8e-3, 0.025)
-"""Metres, or a share of the narrowest side; the hull's growth takes back about half of it."""
+"""Distance in metres, or as a share of the narrowest side, whichever is larger. Scaling the hull
+makes up for about half of it."""
 CONVEX = 0.98
-"""A solid that fills so much of its hull is its hull."""
+"""A solid that fills at least this share of its hull is replaced by its hull."""
 CORNER_TOLERANCE = 2e-4
-"""Metres by which a hull may lie within the one that it stands for, once it has few corners."""
+"""Metres by which a hull with fewer corners may lie within the original hull."""
 MIN_SHARE = 1e-6
-"""Hulls of less than this share of the whole's hull are splinters."""
+"""Hulls with less than this share of the volume of the whole hull are removed."""
 SEED = 1
 THRESHOLD = 0.08
-"""Concavity of a part, of a mesh of two units: the library's 0.05 takes twice the time."""
+"""Concavity of a part, for a mesh 2 units long: the library's 0.05 takes twice the time."""
 COARSE = 0.2
-"""The same for a crumpled mesh, on which that would take minutes."""
+"""The same for a crumpled mesh, for which ``THRESHOLD`` would take minutes."""
 MAX_BENDS = 100.0
-"""More are crumpled: a ball has 13, a bowl 10, a rough scan of one 70, an egg carton 200."""
+"""Above it a mesh is crumpled: a ball has 13, a bowl 10, its rough scan 70, an egg carton 200."""
 COACD = {
-    "preprocess_resolution": 20,  # voxels of what is not closed: walls of a tenth of the size
+    "preprocess_resolution": 20,  # voxels for open meshes: walls become a tenth of the size
     "resolution": 500,
-    # With the library's 150, 20 and 3 a bowl takes a minute, for hulls that are as tight.
+    # With the library's 150, 20 and 3 a bowl takes a minute, and its hulls are not tighter.
     "mcts_iterations": 10,
     "mcts_nodes": 10,
     "mcts_max_depth": 2,
@@ -54,12 +55,12 @@ _DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if an
 def convex_parts(
     mesh: trimesh.Trimesh, room: int, warnings: list[str]
 ) -> tuple[list[ConvexHull], bool]:
-    """Return convex solids that together stand for a mesh, and whether it encloses a volume.
+    """Return convex solids that approximate a mesh, and whether the mesh encloses a volume.
 
     Args:
         mesh: in metres; its closed pieces are turned outwards.
-        room: how many there may be.
-        warnings: grows by what does not collide as it looks.
+        room: largest number of solids.
+        warnings: list; differences between collision and visual shape are added to it.
 
     Raises:
         UnusableError: if the mesh is flat, or falls into too many pieces.
@@ -111,7 +112,7 @@ def _hull_volume(body: trimesh.Trimesh) -> float:
 
 
 def _of_pieces(mesh: trimesh.Trimesh, labels: NDArray[np.int64], room: int) -> list[Array]:
-    """Return the corners of pieces, put together until none is flat."""
+    """Return the corners of pieces, joined until no group is flat."""
     order = np.argsort(labels, kind="stable")
     starts = np.flatnonzero(np.diff(labels[order])) + 1
     pieces = [mesh.triangles[faces].reshape(-1, 3) for faces in np.split(order, starts)]
@@ -136,9 +137,9 @@ def hull_of(points: Array) -> ConvexHull:
 def reduced(points: Array) -> ConvexHull | None:
     """Return a hull of up to ``MAX_CORNERS`` of the points (n, 3); None if they are flat.
 
-    Starting from the outermost points it takes the one that lies farthest outside, as long as
-    that is more than ``CORNER_TOLERANCE``. The result has the volume of the whole, unless it
-    would have to reach farther beyond that than it lies within: a long rod would get longer.
+    It starts with the outermost points and adds the point farthest outside, as long as that is
+    more than ``CORNER_TOLERANCE`` away. The result is scaled to the volume of the full hull, but
+    grows at most by the distance that remains: otherwise a long rod would get longer.
     """
     try:
         whole = ConvexHull(points)

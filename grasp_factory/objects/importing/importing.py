@@ -1,4 +1,4 @@
-"""A user's folder of meshes becomes an object set: each file is used, or refused with a reason."""
+"""Import a user's folder of meshes: each file becomes an object or is refused with a reason."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def import_folder(
 
     Args:
         path: the folder.
-        name: of the object set; the ids of its objects begin with it.
+        name: name of the object set; the ids of its objects begin with it.
         widest: how far the gripper's fingers open, metres.
-        progress: called as the import goes on.
+        progress: called during the import.
 
     Raises:
         UsageError: if the folder or the cache cannot be used, or the libraries are missing.
@@ -61,7 +61,7 @@ def import_folder(
     settings = _settings(root, [*listing.files, *(refusal.file for refusal in refused)])
     with Child() as child:
         run = _Run(root, where, settings, widest, child)
-        # First the URDFs: of which meshes they make use is known only once they can be used.
+        # URDFs first: only after their import it is known which meshes they use.
         for done, file in enumerate(sorted(listing.files, key=_is_mesh)):
             if progress:
                 progress(done, len(listing.files), file)
@@ -91,7 +91,7 @@ class _Result:
 
 
 class _Run:
-    """What became of the files of a folder so far."""
+    """The import of one folder, with its results so far."""
 
     def __init__(
         self, root: Path, where: Path, settings: FolderSettings, widest: float, child: Child
@@ -105,10 +105,10 @@ class _Run:
         self.used: dict[str, _Result] = {}
         self.refused: list[Refusal] = []
         self.parts: set[str] = set()
-        """Files that are parts of URDFs which are used, and no objects of their own."""
+        """Meshes of imported URDFs; they are not objects themselves."""
 
     def add(self, file: str) -> None:
-        """Import a file; a mesh after the URDFs."""
+        """Import a file; meshes must be added after all URDFs."""
         if file in self.parts:
             return
         own = self._settings.of(file)
@@ -153,10 +153,10 @@ def _settings(root: Path, files: Sequence[str]) -> FolderSettings:
 
 
 def _converted(source: ObjectSource, child: Child, where: Path) -> Converted:
-    """Return the conversion that the cache has, or do it and put it there.
+    """Return the cached conversion, or convert the object and cache the result.
 
     Raises:
-        UnusableError: if no object can be made of it; that is kept too, but for a crash.
+        UnusableError: if no object can be made from it; this is cached too, unless it is a crash.
     """
     path = where / "objects" / f"{source.job.key(source.blobs)}.json"
     known = _known(path, where)
@@ -178,7 +178,7 @@ def _converted(source: ObjectSource, child: Child, where: Path) -> Converted:
 
 
 def _known(path: Path, where: Path) -> dict[str, object] | None:
-    """Return what the cache has of a conversion, if it is whole."""
+    """Return the cached result of a conversion; None if it is missing, damaged or incomplete."""
     sha256, _, text = (read(path) or b"").partition(b"\n")
     if digest(text).encode() != sha256:
         return None
@@ -186,7 +186,7 @@ def _known(path: Path, where: Path) -> dict[str, object] | None:
     if "converted" in known:
         try:
             geometry = from_plain(Converted, known["converted"]).geometry
-        except ConfigError:  # of another version
+        except ConfigError:  # written by another version
             return None
         if any(read_checked(mesh_path(where, file)) is None for file in geometry.files):
             return None
@@ -203,7 +203,7 @@ def _kept(manifest: Manifest, where: Path) -> str:
 
 
 def _doubles(objects: Mapping[str, FolderObject]) -> tuple[str, ...]:
-    """Return a warning for each content that is there under several names."""
+    """Return a warning for each shape that occurs under several names."""
     names: dict[str, list[str]] = {}
     for key, item in objects.items():
         names.setdefault(item.shape_sha256, []).append(key)

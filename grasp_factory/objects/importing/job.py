@@ -1,6 +1,6 @@
-"""What the importer asks of its child process, and what it gets: plain records and bytes.
+"""Messages between the importer and its child process: plain records and bytes.
 
-The child is given the content of files, never their paths: it has no reason to open any.
+The child receives the content of files, never their paths: it has no reason to open files.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from grasp_factory.core.serialization import to_plain
 from grasp_factory.objects.folder import Geometry
 
 IMPORTER = 2
-"""Version of the conversion; with another one, whatever is in the cache is made again."""
+"""Version of the conversion; cached results of other versions are not used."""
 _LENGTH = struct.Struct("<Q")
 
 
@@ -28,11 +28,11 @@ class Shape:
     kind: str
     """One of ``PRIMITIVES`` or ``MESH_SUFFIXES``."""
     size: Vector3
-    """Sides of a primitive, metres; of a mesh, the scale of its axes."""
+    """For a primitive, its sides, metres; for a mesh, the scale per axis."""
     position: Vector3 = (0.0, 0.0, 0.0)
     quat_xyzw: QuatXyzw = (0.0, 0.0, 0.0, 1.0)
     blob: int = -1
-    """Which of the job's files the mesh is."""
+    """Index of the mesh among the job's files; -1 for a primitive."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,19 +41,19 @@ class Job:
 
     collision: tuple[Shape, ...]
     visual: tuple[Shape, ...] = ()
-    """What is seen; the collision shapes where this is empty."""
+    """The visual shapes; if empty, the collision shapes are rendered."""
     guess_units: bool = False
-    """The meshes' unit is not known."""
+    """Whether the meshes' unit is unknown and must be guessed."""
 
     def key(self, blobs: Sequence[bytes]) -> str:
-        """Return what the result hangs on, as a SHA-256."""
+        """Return the SHA-256 of everything that the result depends on."""
         parts = [IMPORTER, to_plain(self), [digest(blob) for blob in blobs]]
         return digest(json.dumps(parts, sort_keys=True).encode())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Converted:
-    """An object as the conversion left it; the files are in the cache."""
+    """A converted object; its files are in the cache."""
 
     geometry: Geometry
     volume: float
@@ -73,7 +73,7 @@ def encode(header: Mapping[str, Any], blobs: Sequence[bytes] = ()) -> bytes:
 
 
 def message_length(start: bytes) -> int | None:
-    """Return how many bytes a message has, of which the first are given; None if too few are."""
+    """Return a message's length in bytes, read from its first bytes; None if these are too few."""
     if len(start) < _LENGTH.size:
         return None
     return _LENGTH.size + int(_LENGTH.unpack_from(start)[0])

@@ -1,4 +1,4 @@
-"""Too many groups of points put together to fewer. Runs in the child process."""
+"""Join groups of points until there are few enough. Runs in the child process."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from grasp_factory.core.geometry import Array
 from grasp_factory.objects.importing.base import UnusableError
 
 MAX_GROUPS = 1000
-"""The work grows with the third power."""
+"""The computing time grows with the third power of their number."""
 
 
 def joined(groups: Sequence[Array], room: int) -> list[Array]:
-    """Return up to ``room`` groups: two with the smallest common box become one, again and again.
+    """Join the two groups with the smallest common box until there are at most ``room``.
 
     Args:
         groups: points, (n, 3) each.
-        room: 1 or more.
+        room: largest number of groups, 1 or more.
 
     Raises:
-        UnusableError: for more than ``MAX_GROUPS``.
+        UnusableError: if there are more than ``MAX_GROUPS``.
     """
     if len(groups) > MAX_GROUPS:
         raise UnusableError(
@@ -43,7 +43,7 @@ def joined(groups: Sequence[Array], room: int) -> list[Array]:
 
 
 def _common(low: Array, high: Array, i: int) -> Array:
-    """Return the sum of the sides of each box put together with the i-th; with itself, infinite."""
+    """Return the sum of the sides of the common box of each group and group i; infinite for i."""
     sides = (np.maximum(high, high[i]) - np.minimum(low, low[i])).sum(axis=1)
     sides[i] = np.inf
     return np.asarray(sides)

@@ -1,4 +1,4 @@
-"""Reading OBJ, STL and PLY from bytes. Runs in the child process: trimesh is imported here."""
+"""Read OBJ, STL and PLY from bytes. Runs in the child process: trimesh is imported here."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from grasp_factory.objects.importing.base import UnusableError
 
 MAX_FACES = 2_000_000
 MIN_FACES = 4
-"""A tetrahedron's."""
+"""Faces of a tetrahedron."""
 STL_HEAD, STL_FACE = 84, 50
 """Bytes."""
 NO_MESH = {
@@ -28,12 +28,12 @@ NO_MESH = {
     b"<html": "a web page",
     b"version https://git-lfs": "a pointer of Git LFS: run `git lfs pull`",
 }
-"""By how they begin, in lower case."""
+"""What a file is, by its first bytes in lower case."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeshSurface:
-    """Triangles as a file has them, checked: finite numbers and indices of vertices."""
+    """The triangles of a file; all numbers are finite and all vertex indices are valid."""
 
     vertices: Array
     """(n, 3), in the file's unit."""
@@ -47,7 +47,7 @@ def read_mesh(kind: str, data: bytes) -> MeshSurface:
     """Return the triangles of a mesh file's content.
 
     Raises:
-        UnusableError: if there are none, or not all of them make sense.
+        UnusableError: if there are no triangles, or some of them are invalid.
     """
     data = _without_mark(kind, data)
     if not data.strip(b"\0 \t\r\n"):
@@ -70,7 +70,7 @@ def read_mesh(kind: str, data: bytes) -> MeshSurface:
 
 
 def _check_kind(kind: str, data: bytes) -> None:
-    """Refuse what is known to be something else, before a reader stumbles on it."""
+    """Refuse data that is clearly of another kind, before a reader fails on it."""
     for start, what in NO_MESH.items():
         if data[:64].lstrip().lower().startswith(start):
             raise UnusableError(f"it is no {kind.upper()} file, but {what}")
@@ -85,7 +85,7 @@ def _check_kind(kind: str, data: bytes) -> None:
 
 
 def _without_mark(kind: str, data: bytes) -> bytes:
-    """Return a text without the mark that some editors begin it with; binary files as they are."""
+    """Return text without its byte order mark, and binary files unchanged."""
     marked = data.startswith(BOM_UTF8)
     is_text = kind != "stl" or b"facet" in data[: 2**16].lower()
     return data[len(BOM_UTF8) :] if marked and is_text else data
@@ -96,7 +96,7 @@ def _read_other(kind: str, data: bytes) -> tuple[Array, NDArray[np.int64], Vecto
         mesh = trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False)
     except MemoryError:
         raise
-    except Exception as error:  # the readers raise whatever a broken file makes them
+    except Exception as error:  # the readers raise many types for broken files
         why = f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
         raise UnusableError(f"it is no {kind.upper()} file that can be read: {why[:200]}") from None
     if not isinstance(mesh, trimesh.Trimesh):
@@ -110,9 +110,9 @@ def _read_other(kind: str, data: bytes) -> tuple[Array, NDArray[np.int64], Vecto
 
 
 def _read_obj(data: bytes) -> tuple[Array, NDArray[np.int64], Vector3 | None]:
-    """Read positions, colours and faces; all else, material files above all, is left alone.
+    """Read positions, colours and faces; ignore all else, especially material files.
 
-    An own reader, for trimesh takes index 0 as 1, and negative ones from the file's end.
+    Not trimesh's reader: that takes index 0 as 1, and counts negative ones from the file's end.
     """
     vertices: list[list[float]] = []
     colors: list[list[float]] = []
@@ -143,7 +143,7 @@ def _read_obj(data: bytes) -> tuple[Array, NDArray[np.int64], Vector3 | None]:
 
 
 def _index(word: str, vertices: int) -> int:
-    """Return a face's corner, counted from 0."""
+    """Return the vertex index of a face's corner, counted from 0."""
     index = int(word.partition("/")[0])
     if index == 0 or abs(index) > 2**40:
         raise ValueError

@@ -34,7 +34,7 @@ def collision_text(hulls: Sequence[ConvexHull]) -> bytes:
 
 
 def visual_text(mesh: trimesh.Trimesh) -> bytes:
-    """Return an OBJ file with normals, and textures projected along the nearest axis.
+    """Return an OBJ file with normals, and texture coordinates projected along the nearest axis.
 
     A texture covers the object's largest side once.
     """

@@ -1,4 +1,4 @@
-"""One object as the folder has it: what is converted, and what its own file says about it."""
+"""The source of one object: the data to convert, and the properties stated in its file."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from grasp_factory.objects.importing.urdf import Urdf, parse_urdf
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObjectSource:
-    """Everything that is read of an object before it is converted."""
+    """All data that is read about an object before it is converted."""
 
     job: Job
     blobs: tuple[bytes, ...]
     """The meshes' content."""
     sha256: str
-    """Of the meshes' content, from which a colour is made where nothing else gives one."""
+    """Digest of the meshes' content; the colour is derived from it if no colour is stated."""
     family: str
     urdf: Urdf | None = None
     scale: float = 1.0
-    """Of the URDF."""
+    """Scale of the URDF."""
     files: tuple[str, ...] = ()
     """The meshes of a URDF that were read, as paths in the folder."""
     warnings: tuple[str, ...] = ()
@@ -41,7 +41,7 @@ def load_source(root: Path, file: str, own: Settings, defaults: Settings) -> Obj
     """Read an object's file, and the meshes that it refers to.
 
     Raises:
-        UnusableError: if one of them cannot be read, or is no URDF.
+        UnusableError: if one of them cannot be read, or the URDF is invalid.
     """
     family = PurePosixPath(file).parent.name or "mesh"
     data = read_inside(root, file)
@@ -55,7 +55,7 @@ def load_source(root: Path, file: str, own: Settings, defaults: Settings) -> Obj
 
 
 def referenced(root: Path, file: str) -> set[str]:
-    """Return the files of the folder that a URDF names as its meshes, even one that is refused."""
+    """Return the files of the folder that a URDF names as meshes, even if the URDF is refused."""
     try:
         names = named_meshes(read_inside(root, file))
     except UnusableError:
@@ -97,7 +97,7 @@ def _of_urdf(root: Path, file: str, data: bytes, scale: float, family: str) -> O
 
 
 class _Meshes:
-    """The mesh files of a URDF, each read once, however it is called."""
+    """The mesh files of a URDF; each is read once, even if it has several names."""
 
     def __init__(self, root: Path, urdf: str, names: Sequence[str]) -> None:
         self._root = root
@@ -106,7 +106,7 @@ class _Meshes:
         self.blobs: dict[str, bytes] = {}
 
     def read(self, shapes: Sequence[Shape]) -> tuple[Shape, ...]:
-        """Read the meshes of shapes, all or none, and return the shapes with their places."""
+        """Read the meshes of shapes, all or none, and return the shapes with their indices."""
         before = dict(self.blobs)
         try:
             paths = {i: self._path(self._names[i]) for i in _used(shapes)}
@@ -120,7 +120,7 @@ class _Meshes:
         )
 
     def _path(self, name: str) -> str:
-        """Return where a mesh lies, and read it if that is not done yet."""
+        """Return the path of a mesh, and read the mesh if that is not done yet."""
         path = _mesh_path(self._root, name, self._urdf)
         if path not in self.blobs:
             try:

@@ -1,4 +1,4 @@
-"""What an object weighs, how it slides and which colour it has, whoever says so."""
+"""Choose an object's mass, friction, inertia and colour from all sources."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from grasp_factory.objects.importing.settings import DENSITY, FRICTION, MASS_RAN
 from grasp_factory.objects.solids import principal_axes
 
 MASSES = (0.001, 5.0)
-"""kg; what an arm of this size lifts at all."""
+"""kg; the range that an arm of this size can lift."""
 FRICTIONS = (0.01, 3.0)
 SHAPE_STEP = 0.00503
-"""Half a per cent, and no divisor of round numbers, which would lie on its borders."""
+"""About half a per cent. It divides no round number, which would be at a rounding boundary."""
 
 
 def finished(
@@ -28,11 +28,11 @@ def finished(
 ) -> tuple[FolderObject, tuple[str, ...]]:
     """Return an object with its physical properties, and all warnings about it.
 
-    For each property the first holds that says it: the object's own entry in ``objects.yaml``,
-    the URDF, the defaults there, the defaults here.
+    Each property comes from the first source that states it: the object's entry in
+    ``objects.yaml``, the URDF, the defaults in ``objects.yaml``, the defaults of this package.
 
     Raises:
-        UnusableError: if its mass would be none that a gripper lifts.
+        UnusableError: if its mass would be outside of ``MASSES``.
     """
     warnings = [*source.warnings, *found.warnings]
     mass = round(_mass(source, found.volume, own, defaults, warnings), 6)
@@ -84,7 +84,7 @@ def _friction(
 
 
 def _geometry(source: ObjectSource, geometry: Geometry, warnings: list[str]) -> Geometry:
-    """Return the geometry with the URDF's own inertia, where that can be one of such a solid."""
+    """Return the geometry with the URDF's inertia, if a solid of this size can have it."""
     urdf = source.urdf
     if urdf is None or urdf.inertial is None or urdf.mass is None:
         return geometry
@@ -108,8 +108,8 @@ def _geometry(source: ObjectSource, geometry: Geometry, warnings: list[str]) -> 
 def _shape_of(found: Converted) -> str:
     """Return a digest of an object's shape, the same in any format, unit and orientation.
 
-    It is that of its moments and volume, without their size. They are rounded: a file's own
-    rounding must not count. Shapes that they cannot tell apart share a split, which does no harm.
+    It is the digest of ratios of its moments and volume, rounded so that a file's own rounding
+    has no effect. Different shapes with equal ratios share a split, which does no harm.
     """
     small, middle, large = sorted(found.geometry.gyration_squared)
     figures = (small / large, middle / large, found.volume / large**1.5)
@@ -117,6 +117,6 @@ def _shape_of(found: Converted) -> str:
 
 
 def _color_of(sha256: str) -> Vector3:
-    """Return a colour that is an object's own: neither black nor white nor glaring."""
+    """Return a colour derived from a digest: neither black nor white nor very bright."""
     red, green, blue = (round(0.25 + 0.6 * byte / 255.0, 3) for byte in bytes.fromhex(sha256)[:3])
     return red, green, blue

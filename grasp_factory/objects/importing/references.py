@@ -1,4 +1,4 @@
-"""The XML of a URDF, and which files of the folder its meshes may be."""
+"""Parse the XML of a URDF, and find the files in the folder that its meshes may be."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from grasp_factory.objects.importing.base import MESH_SUFFIXES, UnusableError
 from grasp_factory.objects.importing.folder_listing import suffix
 
 MAX_TEXT = 4 * 2**20
-"""Bytes."""
+"""Bytes of a URDF."""
 
 
 def named_meshes(data: bytes) -> tuple[str, ...]:
-    """Return the mesh names in a URDF that cannot be used, as far as it can be parsed."""
+    """Return the mesh names in an unusable URDF; none if it cannot be parsed."""
     try:
         found = (mesh.get("filename", "") for mesh in parse_xml(data).iter("mesh"))
         return tuple(dict.fromkeys(found))
@@ -25,7 +25,7 @@ def named_meshes(data: bytes) -> tuple[str, ...]:
 
 
 def mesh_file(reference: str, urdf: str) -> tuple[str, ...]:
-    """Return the relative paths where a mesh may be in the folder, the likeliest first.
+    """Return the relative paths where a mesh may be in the folder, the most likely first.
 
     Args:
         reference: its name in the URDF; a package is a folder of that name, or the root.
@@ -66,7 +66,7 @@ def parse_xml(data: bytes) -> Element:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise UnusableError("it is not UTF-8 text") from None
-    # From a str the parser takes no other encoding, so these words cannot hide.
+    # For a str the parser ignores the stated encoding, so no encoding can hide these words.
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise UnusableError("it declares a document type or entities, which no URDF needs")
     try:

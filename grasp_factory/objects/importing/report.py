@@ -14,7 +14,7 @@ MAX_NAME = 60
 
 
 def import_report_text(report: FolderReport) -> str:
-    """Return a table of what can be used, with warnings, and a list of what cannot."""
+    """Return a table of the usable objects with warnings, and a list of the refused files."""
     lines = [
         f"{len(report.usable)} usable, {len(report.refused)} refused",
         *(f"warning: {escaped(warning)}" for warning in report.warnings),

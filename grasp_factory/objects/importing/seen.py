@@ -1,4 +1,4 @@
-"""What is seen of an object: its visual shapes, or what collides. Runs in the child process."""
+"""The visual mesh of an object, from visual or collision shapes. Runs in the child process."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from grasp_factory.objects.importing.mesh_reader import MeshSurface
 from grasp_factory.objects.importing.shapes import part_of, placed, tessellated
 
 MAX_MISFIT = 0.5
-"""Of the largest side of what collides: how far a visual may reach beyond that."""
+"""Share of the collision shapes' largest side by which a visual may extend beyond them."""
 
 
 def visual_of(
@@ -25,14 +25,14 @@ def visual_of(
     upper: Array,
     warnings: list[str],
 ) -> tuple[trimesh.Trimesh | None, Vector3 | None]:
-    """Return the visual shapes as a mesh, and its own colour; None where there are none to use.
+    """Return the visual shapes as a mesh, and its own colour; None if there are no usable ones.
 
     Args:
         job: with shapes in metres.
-        read: returns the surface of a kind of file that the job has at a place.
-        lower: corner of the bounding box of what collides, (3,) metres.
+        read: function that returns a file's surface by its kind and its index in the job.
+        lower: corner of the bounding box of the collision shapes, (3,) metres.
         upper: the opposite corner.
-        warnings: grows by the reason where the visual shapes are left aside.
+        warnings: list; the reason is added to it if the visual shapes are not used.
     """
     meshes, color = [], None
     try:
@@ -56,7 +56,7 @@ def visual_of(
 def as_it_collides(
     meshes: Sequence[trimesh.Trimesh], parts: Sequence[Part]
 ) -> trimesh.Trimesh | None:
-    """Return what collides as a mesh; None where primitives do, which are seen as they are."""
+    """Return what collides as a mesh; None if all are primitives, which are rendered directly."""
     if not meshes:
         return None
     return trimesh.util.concatenate(
@@ -65,7 +65,7 @@ def as_it_collides(
 
 
 def _check_fit(found: Array, lower: Array, upper: Array) -> None:
-    """Refuse a visual of another size or place: cameras would see what nobody can grasp."""
+    """Refuse a visual of another size or place: cameras would see it where nothing collides."""
     size = float((upper - lower).max())
     beyond = float(max((lower - found[0]).max(), (found[1] - upper).max()))
     own = float(np.ptp(found, axis=0).max())
@@ -77,7 +77,7 @@ def _check_fit(found: Array, lower: Array, upper: Array) -> None:
 
 
 def _both_sides(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh that can be seen from inside, too, where it is open."""
+    """Return a mesh that is also visible from inside if it is open."""
     if mesh.is_watertight:
         return mesh
     inside = mesh.copy()

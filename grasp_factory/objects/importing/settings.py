@@ -1,4 +1,4 @@
-"""``objects.yaml``: what a user says about the objects of a folder."""
+"""``objects.yaml``: a user's settings for the objects of a folder."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from grasp_factory.core.serialization import check, check_range, from_plain
 from grasp_factory.errors import ConfigError, did_you_mean, shown
 
 DENSITY = 500.0
-"""kg/m3, of what nothing is said about: household objects are part air. Softwood has as much."""
+"""kg/m3, if neither mass nor density is stated: household objects are partly air, like softwood."""
 MASS_RANGE = (0.02, 1.0)
-"""kg. A mass that follows from ``DENSITY`` is brought into it: a guess should not be absurd."""
+"""kg. A mass computed from ``DENSITY`` is clamped to it: a guess should be plausible."""
 MAX_TEXT = 2**20
 """Bytes of the file."""
 FRICTION = 0.5
-"""Bullet's default and a middling dry contact, as of the objects that are shipped."""
+"""Bullet's default, typical of a dry contact; the shipped objects have it too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What may be said about an object; None where nothing is."""
+    """The settings of an object; None where nothing is set."""
 
     mass: float | None = None
     """kg."""
@@ -50,10 +50,10 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FolderSettings:
-    """The whole file."""
+    """The content of ``objects.yaml``."""
 
     defaults: Settings = field(default_factory=Settings)
-    """For objects of which nothing else is said."""
+    """For objects without their own setting."""
     objects: Mapping[str, Settings] = field(default_factory=dict)
     """By path in the folder."""
 
@@ -61,11 +61,11 @@ class FolderSettings:
         check(not self.defaults.skip, "defaults.skip", True, "said of single files only")
 
     def of(self, file: str) -> Settings:
-        """Return what is said of one file alone."""
+        """Return the settings of one file, without the defaults."""
         return self.objects.get(file, Settings())
 
     def check_files(self, files: Iterable[str], where: str) -> None:
-        """Refuse settings of files that are not there.
+        """Refuse settings for files that do not exist.
 
         Raises:
             ConfigError: naming the nearest file.
@@ -79,7 +79,7 @@ class FolderSettings:
 
 
 def parse_settings(data: bytes, where: str) -> FolderSettings:
-    """Return the settings of a file's content.
+    """Return the settings that a file's content states.
 
     Raises:
         ConfigError: naming the key, what it got and what is valid.
@@ -97,7 +97,7 @@ def parse_settings(data: bytes, where: str) -> FolderSettings:
 
 
 def _without_blanks(plain: Any) -> Any:
-    """Return a file's data without the keys after which nothing stands."""
+    """Return a file's data without the keys that have no value."""
     if plain is None:
         return {}
     if not isinstance(plain, dict):

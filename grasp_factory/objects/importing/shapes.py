@@ -1,4 +1,4 @@
-"""Shapes of a job as meshes and parts in the object's frame. Runs in the child process."""
+"""Convert a job's shapes to meshes and parts in the object's frame. Runs in the child process."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def _pose(shape: Shape) -> Pose:
 
 
 def part_of(shape: Shape) -> Part:
-    """Return a primitive as the engine takes it."""
+    """Return a primitive as a part for the engine."""
     return Part(shape=shape.kind, size=shape.size, pose=_pose(shape))
 
 
 def solid_of(shape: Shape) -> ConvexPart:
-    """Return a primitive as the manifest keeps it."""
+    """Return a primitive as a record of the manifest."""
     return ConvexPart(
         shape=shape.kind, size=shape.size, position=shape.position, quat_xyzw=shape.quat_xyzw
     )

@@ -1,4 +1,4 @@
-"""Making a solid of the triangles in a file, as far as that goes. Runs in the child process."""
+"""Make a solid from the triangles of a file, if possible. Runs in the child process."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from grasp_factory.core.geometry import Array
 from grasp_factory.objects.importing.base import UnusableError
 
 MAX_FACES = 8_000
-"""Of what is seen and decomposed: on an object of 100 mm the edges have about 2 mm."""
+"""Faces of the mesh to render and decompose; on an object of 100 mm, edges are about 2 mm long."""
 MAX_BODIES = 64
-"""Separate closed surfaces that are looked at one by one."""
+"""Largest number of separate closed surfaces that are treated one by one."""
 DUST = 0.02
-"""Of the largest side: smaller pieces beside larger ones are what a scanner left in the air."""
+"""Share of the largest side: smaller pieces among larger ones are scanner noise."""
 BENDS_FACES = 2_000
 PROBES = 32
-"""Corners of a surface that are looked for in another."""
+"""Corners of a surface that are tested to be inside another one."""
 
 
 def tidied(vertices: Array, faces: NDArray[np.int64]) -> tuple[trimesh.Trimesh, bool]:
-    """Merge double vertices and faces, close small holes, turn all faces to one side.
+    """Merge duplicate vertices and faces, close small holes, make the winding consistent.
 
     Args:
         vertices: (n, 3) metres, finite.
         faces: (m, 3).
 
     Returns:
-        The mesh, and whether it is closed only because holes were.
+        The mesh, and whether it is closed only because holes were filled.
 
     Raises:
         UnusableError: if nothing is left of it.
@@ -37,7 +37,7 @@ def tidied(vertices: Array, faces: NDArray[np.int64]) -> tuple[trimesh.Trimesh, 
     low, size = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
     if size <= 0.0:
         raise UnusableError("all its vertices are one point")
-    # Tolerances are absolute: a mesh of one unit has them at the same place as any other.
+    # Tolerances are absolute, so each mesh is scaled to one unit.
     mesh = trimesh.Trimesh((vertices - low) / size, faces, process=False)
     _merge(mesh)
     if len(mesh.faces) > MAX_FACES:
@@ -55,9 +55,9 @@ def tidied(vertices: Array, faces: NDArray[np.int64]) -> tuple[trimesh.Trimesh, 
 
 
 def closed_bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
-    """Return the separate solids of a mesh, a cavity left out; none where it is not closed.
+    """Return the separate solids of a mesh, without cavities; none if it is not closed.
 
-    The mesh's own faces are turned outwards, those of a cavity inwards.
+    This turns the faces of ``mesh`` itself outwards, those of a cavity inwards.
     """
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         return []
@@ -81,7 +81,7 @@ def closed_bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
 
 
 def face_parts(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
-    """Return for each face the number of the connected part of the mesh that it belongs to."""
+    """Return for each face the index of its connected component."""
     labels = trimesh.graph.connected_component_labels(
         mesh.face_adjacency, node_count=len(mesh.faces)
     )
@@ -89,10 +89,10 @@ def face_parts(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
 
 
 def bends(mesh: trimesh.Trimesh) -> float:
-    """Return how much a mesh bends: angle times length of its edges, by its largest side.
+    """Return how much a mesh bends: sum of angle times length of its edges, over its largest side.
 
-    Twice the integral of the mean curvature; 13 for a ball of any size. It is that of at most
-    ``BENDS_FACES`` faces, so that the noise of a scanner counts little.
+    It is twice the integral of the mean curvature; 13 for a ball of any size. The mesh is first
+    simplified to at most ``BENDS_FACES`` faces, so that scanner noise has little effect.
     """
     coarse = trimesh.Trimesh(mesh.vertices / mesh.extents.max(), mesh.faces, process=False)
     if len(mesh.faces) > BENDS_FACES:
@@ -103,7 +103,7 @@ def bends(mesh: trimesh.Trimesh) -> float:
 
 
 def without_dust(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh without the pieces that are tiny beside the whole."""
+    """Return a mesh without the pieces that are tiny compared with the whole."""
     labels = face_parts(mesh)
     low = np.full((int(labels.max()) + 1, 3), np.inf)
     high = -low
@@ -124,7 +124,7 @@ def _contains(outer: trimesh.Trimesh, inner: trimesh.Trimesh) -> bool:
 
 
 def _turns(triangles: Array, point: Array) -> float:
-    """Return how often a closed surface (n, 3, 3) goes round a point: 0 outside, 1 or -1 inside.
+    """Return the winding number of a closed surface (n, 3, 3): 0 outside, 1 or -1 inside.
 
     The solid angles are those of A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30
     (1983) 125-126.

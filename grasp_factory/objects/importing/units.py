@@ -1,4 +1,4 @@
-"""How large an object is: which unit its numbers are in, and whether a gripper can take it."""
+"""The size of an object: the unit of its numbers, and whether a gripper can grasp it."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from grasp_factory.core.geometry import Array, Vector3
 from grasp_factory.objects.importing.base import UnusableError
 
 METRES = (0.01, 1.0)
-"""Largest side of the bounding box, in the mesh's own units, that is taken as metres."""
+"""Range of the bounding box's largest side, in the mesh's units, that is read as metres."""
 MILLIMETRES = (20.0, 1000.0)
-"""The same for millimetres. Between the two, inches and centimetres are as likely."""
+"""The same for millimetres. Between the two, inches and centimetres are equally likely."""
 MIN_SIDE = 0.004
-"""Metres: what is thinner lies under the fingertips, and contacts have margins of 1 mm."""
+"""Metres. Thinner objects lie below the fingertips, and contacts have margins of 1 mm."""
 MAX_SIDE = 1.0
-"""Metres: more than an arm can put anywhere."""
+"""Metres. An arm cannot place longer objects."""
 WIDEST_GRIPPER = 0.2
-"""Metres: more than any gripper of the table opens, known before it is known which."""
+"""Metres; no gripper opens wider. This check needs no chosen gripper."""
 _ANGLES = np.radians(np.arange(0.0, 180.0, 0.25))
 
 
 def guess_scale(largest: float) -> tuple[float, str]:
-    """Return metres per unit for a mesh that does not say it, and a warning or nothing.
+    """Return metres per unit for a mesh that states no unit, and a warning, which may be empty.
 
     Args:
         largest: largest side of the bounding box, in the mesh's units.
 
     Raises:
-        UnusableError: if several units are as likely, or none is.
+        UnusableError: if several units are equally likely, or no unit is likely.
     """
     if METRES[0] <= largest <= METRES[1]:
         return 1.0, ""
@@ -45,8 +45,8 @@ def sides(points: Array, normals: Array) -> Vector3:
 
     Args:
         points: corners of the solid, (n, 3) metres.
-        normals: unit normals of its faces, (m, 3). The narrowest width is looked for along
-            these, which can miss one between two edges by a little.
+        normals: unit normals of its faces, (m, 3). The narrowest width is searched along
+            these; a slightly narrower one between two edges can be missed.
     """
     widths = np.concatenate([np.ptp(points @ part.T, axis=0) for part in _chunks(normals)])
     narrowest = normals[int(np.argmin(widths))]
@@ -62,10 +62,10 @@ def sides(points: Array, normals: Array) -> Vector3:
 
 
 def check_size(found: Vector3) -> None:
-    """Refuse what no gripper can take, whichever it is.
+    """Refuse an object that no gripper can grasp.
 
     Raises:
-        UnusableError: with the side in question.
+        UnusableError: with the side that is too small or too large.
     """
     if found[0] < MIN_SIDE:
         raise UnusableError(f"it is {_mm(found[0])} thin, valid: {_mm(MIN_SIDE)} or more")
@@ -79,7 +79,7 @@ def check_size(found: Vector3) -> None:
 
 
 def check_grip(found: Vector3, widest: float) -> None:
-    """Refuse what is too wide in every direction for a gripper that opens ``widest`` metres.
+    """Refuse an object too wide in every direction for a gripper that opens ``widest`` metres.
 
     Raises:
         UnusableError: with its narrowest width.
@@ -92,7 +92,7 @@ def check_grip(found: Vector3, widest: float) -> None:
 
 
 def grip_warnings(found: Vector3, widest: float) -> tuple[str, ...]:
-    """Return a warning about what can be taken only where it stands on its side."""
+    """Return a warning if an object can be grasped only when it stands on its side."""
     if found[1] <= widest:
         return ()
     return (f"lying flat it is {_mm(found[1])} wide, and the fingers open {_mm(widest)}",)

@@ -1,4 +1,4 @@
-"""URDF files as data: one rigid body, its shapes, and what it says about mass and friction."""
+"""Parse a URDF file: one rigid body, its shapes, mass, inertia, friction and colour."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from grasp_factory.objects.importing.job import Shape
 from grasp_factory.objects.importing.references import parse_xml
 
 MAX_ELEMENTS = 256
-"""Links, joints, and shapes of a link, each."""
+"""Largest number of links, of joints, and of each kind of shape of a link."""
 MAX_SHAPES = 128
-"""That collide, and that are seen."""
+"""Largest number of collision shapes, and of visual shapes."""
 MAX_MESHES = 64
-"""Names of files."""
+"""Largest number of mesh file names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inertial:
-    """What a URDF says about its mass distribution."""
+    """The mass distribution that a URDF states."""
 
     com: Vector3
     """Metres, in the object's frame."""
@@ -42,21 +42,21 @@ class Urdf:
     collision: tuple[Shape, ...]
     visual: tuple[Shape, ...]
     files: tuple[str, ...]
-    """What it calls its meshes; a shape's ``blob`` is an index here."""
+    """Names of its meshes in the URDF; a shape's ``blob`` is an index here."""
     mass: float | None
-    """kg, of all links; None where it says nothing, or something else than a mass above 0."""
+    """kg, of all links; None if no link has a mass above 0."""
     inertial: Inertial | None
-    """None unless exactly one link has one."""
+    """None unless exactly one link has an inertia, and exactly one a mass above 0."""
     friction: float | None
     color: Vector3 | None
     warnings: tuple[str, ...] = ()
 
 
 def parse_urdf(data: bytes) -> Urdf:
-    """Return what a URDF's text says.
+    """Return the rigid body that a URDF's text describes.
 
     Raises:
-        UnusableError: if it is no URDF, or that of no single rigid body.
+        UnusableError: if it is not a URDF, or not one rigid body.
     """
     root = parse_xml(data)
     if root.tag != "robot":
@@ -113,7 +113,7 @@ def _elements(parent: Element, tag: str) -> list[Element]:
 
 
 def _poses(links: Mapping[str, Element], joints: list[Element]) -> dict[str, Array]:
-    """Return each link's pose in the root link, (4, 4)."""
+    """Return each link's pose in the frame of the root link, (4, 4)."""
     parents: dict[str, tuple[str, Array]] = {}
     for joint in joints:
         kind = joint.get("type")

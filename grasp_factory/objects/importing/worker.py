@@ -25,7 +25,7 @@ MISSING = "missing"
 
 
 def main() -> None:
-    """Answer jobs on the standard streams until the first one closes."""
+    """Answer jobs on the standard streams until standard input closes."""
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # libraries print to standard output
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
@@ -58,7 +58,7 @@ def _answer(message: bytes) -> bytes:
         return encode({"refused": str(error)})
     except MemoryError:
         return encode({"failed": f"it takes more than {MAX_MEMORY // 2**30} GiB of memory"})
-    except GraspFactoryError as error:  # of the record's own checks
+    except GraspFactoryError as error:  # raised by the record's own checks
         return encode({"refused": f"its conversion made an invalid object: {error}"})
     except Exception as error:
         why = (str(error).splitlines() or [""])[0][:200]

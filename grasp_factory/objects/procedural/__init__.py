@@ -1,4 +1,4 @@
-"""The set ``procedural``: families of shapes with random parameters, objects without end."""
+"""The set ``procedural``: families of shapes with random parameters, unlimited in number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From an id to an object: ``procedural/<family>/<number>`` is the same one for ever."""
+"""Create an object from its id: ``procedural/<family>/<number>`` is always the same object."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from grasp_factory.objects.procedural.parts import Parts, between
 from grasp_factory.objects.solids import bounds, compound
 
 GENERATOR = 1
-"""Raise it when any family draws otherwise: ids then stand for other objects."""
+"""Version of the draws. Increase it when any family's draws change, because ids then mean other
+objects."""
 NUMBERS = 2**31
-"""Objects of a family."""
+"""Number of objects of a family."""
 
 SOLID = (150.0, 1200.0)
 """kg/m3: balsa (160, USDA Wood Handbook) to polycarbonate (1200, ISO 1183 data sheets)."""
 HOLLOW = (900.0, 2400.0)
 """kg/m3, for thin walls: polypropylene (900, same sheets) to porcelain (2400)."""
 MASSES = (0.02, 0.5)
-"""kg. What would weigh less or more is denser or lighter than its material."""
+"""kg. Masses are clamped to this range, so some objects are denser or lighter than the material."""
 FRICTIONS = (0.3, 0.8)
-"""Coulomb's coefficient. The pads' own is 1, so it is the pair's; from slippery to rough."""
+"""Coulomb's coefficient, slippery to rough. The pads' own is 1, so this is also the pair's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +62,11 @@ FAMILIES: Mapping[str, Family] = {
     "wedge": Family(single.draw_wedge),
     "zed": Family(joined.draw_zed),
 }
-"""In the order of the alphabet: ``draw`` counts them."""
+"""In alphabetical order: ``draw`` chooses by index."""
 
 
 class ProceduralSet(ObjectSet):
-    """Every family of the table, each as likely as the others."""
+    """All families of ``FAMILIES``; they are equally likely."""
 
     name = "procedural"
     description = "shapes without end: boxes, rings, hammers, mugs, bottles and more, all drawn"
@@ -101,7 +102,7 @@ PROCEDURAL = ProceduralSet()
 
 
 def _build(object_id: str, family: str, number: int) -> ObjectModel:
-    """Draw everything about an object from its id."""
+    """Draw all properties of an object with its id as the seed."""
     key = int.from_bytes(hashlib.sha256(family.encode()).digest()[:8])
     rng = np.random.default_rng(np.random.SeedSequence([GENERATOR, key, number]))
     body, volume = compound(FAMILIES[family].draw(rng))

@@ -1,4 +1,4 @@
-"""Families put together from bars. Measures are in metres; parts touch and do not overlap."""
+"""Families that consist of bars. Lengths are in metres; parts touch and do not overlap."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def draw_cross(rng: np.random.Generator) -> Parts:
 
 
 def draw_dumbbell(rng: np.random.Generator) -> Parts:
-    """Draw a bar along z with a thicker disc, round or of six sides, at each end."""
+    """Draw a bar along z with a thicker disc, round or hexagonal, at each end."""
     bar, length = between(rng, 0.012, 0.03), between(rng, 0.04, 0.1)
     d, thickness = bar * between(rng, 1.5, 2.5), between(rng, 0.012, 0.03)
     out = (length + thickness) / 2.0
@@ -88,7 +88,7 @@ def draw_tee(rng: np.random.Generator) -> Parts:
 
 
 def draw_zed(rng: np.random.Generator) -> Parts:
-    """Draw a Z: an upright along z with a flange to each side of it, one low and one high."""
+    """Draw a Z: an upright along z with two flanges: one low on one side, one high on the other."""
     height, length = between(rng, 0.05, 0.1), between(rng, 0.02, 0.07)
     web, flange = between(rng, 0.012, 0.03), between(rng, 0.015, 0.045)
     thickness = between(rng, 0.012, 0.02)

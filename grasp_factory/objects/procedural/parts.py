@@ -1,4 +1,4 @@
-"""Parts by their measures, in metres, and how they are turned."""
+"""Create parts from their dimensions, in metres, and their rotation."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ ON_EDGE: QuatXyzw = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 _SINE, _COSINE = (float(v) for v in sincos(math.pi / WEDGES))
 _HALF_SINE, _HALF_COSINE = (float(v) for v in sincos(math.pi / 2 / WEDGES))
 FLAT_TO_X: QuatXyzw = (0.0, 0.0, _HALF_SINE, _HALF_COSINE)
-"""One of the flat sides of a ring looks along x, so that a handle lies close."""
+"""A flat side of the ring faces +x, so that a handle can touch it."""
 FLAT_AT = _COSINE
-"""How far out that side is, in outer radii."""
+"""Distance of that side from the axis, in outer radii."""
 FLAT_WIDTH = _SINE
-"""Its width, in outer diameters."""
+"""Width of that side, in outer diameters."""
 
 
 def between(rng: np.random.Generator, low: float, high: float) -> float:
@@ -42,7 +42,7 @@ def one_of(rng: np.random.Generator, values: Sequence[int]) -> int:
 
 
 def box(size: Vector3, at: Vector3 = ORIGIN) -> Part:
-    """Return a box by its sides."""
+    """Return a box with these sides."""
     return Part(shape="box", size=size, pose=Pose(at, UPRIGHT))
 
 
@@ -54,5 +54,5 @@ def cylinder(
 
 
 def mesh(name: str, size: Vector3, at: Vector3 = ORIGIN, turn: QuatXyzw = UPRIGHT) -> Part:
-    """Return a unit mesh with the sides of its bounding box, before it is turned."""
+    """Return a unit mesh; ``size`` is that of its bounding box before it is turned."""
     return Part(shape=mesh_file(name), size=size, pose=Pose(at, turn))

@@ -1,4 +1,4 @@
-"""Families of one part. Measures are in metres; a gripper opens 0.080 or 0.110."""
+"""Families of one part. Lengths are in metres; a gripper opens to 0.080 or 0.110."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from grasp_factory.objects.unit_meshes import FRUSTUM_PERCENTS, PRISM_SIDES, RIN
 
 
 def draw_box(rng: np.random.Generator) -> Parts:
-    """Draw a box, from a bar to a block that is too wide for one hand but not for the other."""
+    """Draw a box, from a bar to a block that is too wide for one gripper but not the other."""
     return (box((between(rng, 0.02, 0.16), between(rng, 0.015, 0.09), between(rng, 0.012, 0.065))),)
 
 

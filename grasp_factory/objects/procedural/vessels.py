@@ -1,7 +1,7 @@
-"""Families to drink and cook from. Measures are in metres; parts touch and do not overlap.
+"""Families of vessels. Lengths are in metres; parts touch and do not overlap.
 
-Open ones are rings of flat wedges on a floor of the same outline, turned so that a flat side
-meets the handle.
+Open vessels are rings of flat wedges on a floor of the same outline. They are turned so that a
+flat side touches the handle.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def draw_pan(rng: np.random.Generator) -> Parts:
 
 
 def _pot(d: float, height: float, percent: int, floor: float) -> Parts:
-    """Return wall and floor of what is open above, with its middle at the origin."""
+    """Return the floor and the wall of an open vessel, centred at the origin."""
     wall = height - floor
     return (
         mesh("floor", (d, d, floor), (0.0, 0.0, -wall / 2.0), FLAT_TO_X),
