@@ -16,4 +16,4 @@ WRITERS: dict[str, Callable[[Path], Writer]] = {
     "zarr": ZarrWriter,
     "memory": MemoryWriter,
 }
-"""Writer name to what opens one on a path."""
+"""Functions that open a writer on a path, by the writer's name."""

@@ -1,4 +1,4 @@
-"""What every writer does: take a block of consecutive episodes and keep it."""
+"""The interface of all writers: each stores blocks of consecutive episodes."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from grasp_factory.errors import StoreError
 
 @dataclass(frozen=True, slots=True)
 class Quarantined:
-    """An episode that could not be made: its recipe and why, in place of its data."""
+    """An episode that could not be made: its recipe and the reason, in place of its data."""
 
     spec: EpisodeSpec
     reason: str
     """One line, the same for the same recipe: it is part of the dataset's bytes."""
 
     def contents(self) -> dict[str, NDArray[Any]]:
-        """Return what a store keeps of it, by path; its checksum is over that."""
+        """Return the arrays that a store keeps of it, by path; its checksum covers these."""
         return {
             "episodes/spec": np.asarray(self.spec.to_json()),
             "episodes/seed": np.asarray(self.spec.seed, np.int64),
@@ -48,11 +48,11 @@ class Writer(ABC):
         Args:
             block: number of the block; its first episode is ``block * block_size``.
             rows: consecutive episodes from the block's first one on.
-            fingerprints: for each row the text of the platform that made it, empty where it is
-                not known; none for rows of which it is known of none.
+            fingerprints: for each row the text of the platform that made it, empty if that is
+                unknown; an empty sequence if it is unknown for all rows.
 
         Raises:
-            StoreError: if the rows are not that, or do not fit what the writer holds.
+            StoreError: if the rows are not of this kind, or do not fit the arrays of the writer.
         """
 
 
@@ -69,7 +69,7 @@ def check_rows(block: int, rows: Sequence[Episode | Quarantined], first: int, mo
 
 
 def check_count(block: int, rows: Sequence[Episode | Quarantined], most: int) -> None:
-    """Check that there are 1 to ``most`` rows, whatever their recipes' indices.
+    """Check that there are 1 to ``most`` rows; their recipes may have any indices.
 
     Raises:
         StoreError: naming the block, how many it got and what is valid.
@@ -79,10 +79,10 @@ def check_count(block: int, rows: Sequence[Episode | Quarantined], most: int) ->
 
 
 def texts_of(rows: Sequence[Episode | Quarantined], fingerprints: Sequence[str]) -> tuple[str, ...]:
-    """Return a fingerprint's text for each row; empty ones where none are given.
+    """Return a fingerprint's text for each row; empty texts if ``fingerprints`` is empty.
 
     Raises:
-        StoreError: for another number of texts.
+        StoreError: if the number of texts is neither 0 nor that of the rows.
     """
     if len(fingerprints) not in (0, len(rows)):
         raise StoreError(f"{len(fingerprints)} fingerprints for {len(rows)} rows")

@@ -18,7 +18,7 @@ class MemoryWriter(Writer):
     """
 
     def __init__(self, path: Path | None = None, *, block_size: int = 8) -> None:
-        """Start empty; ``path`` is not touched (it is there to be built like the others)."""
+        """Start empty; ``path`` is not used (all writers take one)."""
         self.path = path
         self.block_size = block_size
         self.blocks: dict[int, tuple[Episode | Quarantined, ...]] = {}

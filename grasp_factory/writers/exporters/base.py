@@ -1,4 +1,4 @@
-"""What an exporter is: it writes chosen episodes of a dataset in the format of another tool."""
+"""The interface of exporters: each writes chosen episodes in the format of another tool."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from grasp_factory.core.serialization import from_plain
 
 
 class EpisodeSource(Protocol):
-    """All that an exporter may use of a dataset: ``Dataset`` is one, and describes each member.
+    """The part of a dataset that exporters may use; ``Dataset`` implements and describes it.
 
-    Reading raises ``StoreError`` where the store is damaged; an exporter lets it pass.
+    Reading raises ``StoreError`` where the store is damaged; an exporter does not catch it.
     """
 
     @property
@@ -50,7 +50,7 @@ class EpisodeSource(Protocol):
 
     @property
     def annotations(self) -> Mapping[int, Any]:
-        """What people have said of episodes, by row; ``to_plain`` turns each into plain data."""
+        """The annotations of episodes, by row; ``to_plain`` converts each to plain data."""
 
     def __getitem__(self, index: int) -> Episode:
         """Return the episode at a row."""
@@ -65,7 +65,7 @@ class EpisodeSource(Protocol):
         """Return one column's value of one episode."""
 
     def label(self, name: str) -> NDArray[np.uint8]:
-        """Return an added label's outcomes; rows that came later have none, so it may be short."""
+        """Return an added label's outcomes; rows added later have none, so it may be shorter."""
 
     def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
         """Return one image: kind rgb, depth or segmentation; frame 0 before, 1 after."""
@@ -76,7 +76,7 @@ class EpisodeSource(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportJob:
-    """What an exporter is asked to do."""
+    """The task of an exporter."""
 
     source: EpisodeSource
     rows: tuple[int, ...]
@@ -86,21 +86,21 @@ class ExportJob:
     settings: Any
     """An instance of the exporter's ``parameters``."""
     on_episode: Callable[[], None] = lambda: None
-    """To be called after each episode."""
+    """The exporter calls it after each episode."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportContents:
     """Which of the store's contents an export has, and why it lacks the others.
 
-    A name is an array's path in the store, ``labels/<name>`` or ``annotations``; ``*`` stands for
-    any text, as in ``cameras/*/rgb``. What ``written`` names is written, also where a name with
-    ``*`` in ``left_out`` fits it.
+    A name is an array's path in the store, ``labels/<name>`` or ``annotations``; ``*`` matches
+    any text, as in ``cameras/*/rgb``. If a name with ``*`` in ``left_out`` also matches what
+    ``written`` names, ``written`` takes precedence.
     """
 
     written: tuple[str, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
-    """Name to the reason, in a few words."""
+    """A short reason for each name."""
 
     def not_mentioned(self, source: EpisodeSource) -> list[str]:
         """Return the dataset's contents that are neither written nor left out for a reason."""
@@ -127,13 +127,13 @@ class Exporter:
     parameters: type[Any] = NoSettings
     """A frozen dataclass whose fields, all with defaults, are the format's settings."""
     suffix: str = ""
-    """How a file's name ends in this format, lower case, such as ``.h5``; empty for a folder."""
+    """Suffix of a file in this format, lower case, such as ``.h5``; empty for a folder."""
     libraries: Sequence[str] = ()
-    """Top-level modules that ``write`` imports, of the extra ``extra``."""
+    """Top-level modules that ``write`` imports; the extra ``extra`` installs them."""
     extra: str = ""
 
     def settings(self, plain: Mapping[str, Any]) -> Any:
-        """Return ``parameters`` from plain data; what is left out takes its default.
+        """Return ``parameters`` from plain data; settings that are left out have their defaults.
 
         Raises:
             ConfigError: naming the key, what it got and what is valid.

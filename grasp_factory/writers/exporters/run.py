@@ -18,7 +18,7 @@ from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 _OCCUPIED = "exists, and an export overwrites nothing: choose another name"
 _LONGEST_PREFIX = 40
-"""Characters of the name that the hidden folder beside it shows: file systems bound its length."""
+"""Characters of the name that the hidden scratch folder repeats: file systems limit its length."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,10 +107,10 @@ def _check_rows(source: EpisodeSource, rows: Sequence[int]) -> None:
 
 
 def _publish(built: Path, out: Path) -> None:
-    """Move what was built to its place, unless something has appeared there.
+    """Move the result to its place, unless something exists there by now.
 
-    The name is taken first, by something empty that the move replaces: a hard link would do for
-    files, but not all file systems have them.
+    An empty file or folder reserves the name first, and the move replaces it. A hard link would
+    be enough for files, but not all file systems have them.
     """
     is_folder = built.is_dir()
     try:

@@ -75,9 +75,9 @@ class StoredArray(ABC):
 
 
 def by_block(rows: NDArray[np.int64], block_size: int) -> list[NDArray[np.intp]]:
-    """Return, for each block among K rows, where its rows stand among them.
+    """Return, for each block among K rows, the indices of its rows among them.
 
-    Blocks come in the order in which the rows first name them, and so do the rows of a block.
+    Blocks are in the order of their first rows among the K; rows of a block keep their order.
     """
     if not len(rows):
         return []
@@ -110,7 +110,7 @@ _SHARD = ShardingCodec(
 
 
 def stored(array: zarr.Array[Any], folder: Path) -> StoredArray:
-    """Return the quickest reader of the array that lies in ``folder``."""
+    """Return the fastest reader for the array in ``folder``."""
     metadata, shape = array.metadata, array.shape
     if not isinstance(metadata, ArrayV3Metadata) or not _has_our_keys(metadata):
         return ThroughZarr(array)
@@ -136,18 +136,18 @@ def _index(shard: ShardingCodec) -> tuple[Any, Any]:
 
 
 def _has_our_keys(metadata: ArrayV3Metadata) -> bool:
-    """Say whether chunks have this package's names, and numbers this machine's byte order."""
+    """Return whether chunks have this package's names, and numbers this machine's byte order."""
     keys = metadata.chunk_key_encoding
     return sys.byteorder == "little" and keys == V2ChunkKeyEncoding(separator=".")
 
 
 def _has_whole_pieces(array: zarr.Array[Any]) -> bool:
-    """Say whether a chunk is an episode's values, or those of one of its frames."""
+    """Return whether a chunk is an episode's values, or those of one of its frames."""
     return array.chunks in [(1, *array.shape[1:]), (1, 1, *array.shape[2:])]
 
 
 class ThroughZarr(StoredArray):
-    """Any layout, such as that of a store which another tool has rewritten."""
+    """Reads any layout, such as that of a store which another tool has rewritten."""
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
         """See ``StoredArray.read``."""
@@ -200,7 +200,7 @@ class _OurFiles(StoredArray, ABC):
 
 
 class ColumnFiles(_OurFiles):
-    """One chunk a file."""
+    """Reads files of one chunk each."""
 
     def __init__(self, array: zarr.Array[Any], folder: Path) -> None:
         super().__init__(array, folder, array.chunks[0])
@@ -223,13 +223,13 @@ class ColumnFiles(_OurFiles):
 
 
 class ShardFiles(_OurFiles):
-    """Many chunks a file: one for each episode, or for each of its frames."""
+    """Reads files of many chunks: one for each episode, or for each of its frames."""
 
     def __init__(self, array: zarr.Array[Any], folder: Path) -> None:
         assert array.shards
         super().__init__(array, folder, array.shards[0])
         self._pieces = array.shape[1] // array.chunks[1] if array.ndim > 1 else 1
-        """Chunks of an episode."""
+        """Number of chunks of an episode."""
 
     def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
         """See ``StoredArray.read_frames``. Opens each file once, and unpacks no other frames."""

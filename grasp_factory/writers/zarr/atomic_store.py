@@ -1,4 +1,4 @@
-"""A store's directory as Zarr writes to it: each file atomically, by a predictable name."""
+"""A store's directory for Zarr: each file is written atomically, under a predictable name."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class AtomicStore(LocalStore):
         return await super().get(key, prototype, byte_range)
 
     async def set(self, key: str, value: Buffer) -> None:
-        """Write a file; what a killed writer left of it is replaced."""
+        """Write a file; replace what a killed writer left of it."""
         self._check_writable()
         file = self.root / key
         file.parent.mkdir(parents=True, exist_ok=True)

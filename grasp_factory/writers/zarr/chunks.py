@@ -1,4 +1,4 @@
-"""Decoding chunks of the store's own layout without Zarr's machinery, which takes longer than they.
+"""Decode chunks of the store's own layout without Zarr, whose overhead exceeds the decoding time.
 
 Damaged bytes raise any exception of the decoders, or decode to other values; they never write
 outside of the array that is filled.
@@ -31,7 +31,7 @@ def open_file(file: str | Path) -> int:
     """Return the descriptor of a file, open for reading.
 
     Raises:
-        OSError: if there is none.
+        OSError: if there is no such file.
         ValueError: unless it is a regular file: opening a FIFO would block.
     """
     descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
@@ -42,7 +42,7 @@ def open_file(file: str | Path) -> int:
 
 
 def unpack(data: bytes, out: NDArray[Any]) -> None:
-    """Decompress a chunk of numbers into ``out``, which is contiguous and has its size."""
+    """Decompress a chunk of numbers into ``out``, a contiguous array of its size."""
     size = _content_size(data)
     if size not in (None, out.nbytes):
         raise ValueError(f"a chunk of {size} bytes, valid: {out.nbytes}")
@@ -53,7 +53,7 @@ def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return a chunk of words as an array of numpy's ``StringDType``."""
     count, size = int(np.prod(shape)), _content_size(data)
     most = min(MOST_BYTES, count * MOST_BYTES_OF_A_WORD)
-    if size is None or size > most:  # a few bytes may stand for gigabytes
+    if size is None or size > most:  # a few bytes may decompress to gigabytes
         raise ValueError(f"a chunk of {size or 'unknown'} bytes of words, valid: up to {most}")
     content = zstd.decompress(data)
     if int.from_bytes(content[:4], "little") != count:
@@ -66,10 +66,10 @@ class ShardFile:
     """A shard file, opened for reading; its index is at the end, followed by a checksum of it."""
 
     def __init__(self, file: str | Path, chunks: int) -> None:
-        """Open the shard of so many chunks.
+        """Open a shard of ``chunks`` chunks.
 
         Raises:
-            OSError: if there is none.
+            OSError: if there is no such file.
             ValueError: if it is no regular file, or its index does not match its checksum.
         """
         self._descriptor = open_file(file)
@@ -124,5 +124,5 @@ def _content_size(frame: bytes) -> int | None:
     if not width:
         return None
     start = 5 + (not is_single) + (0, 1, 2, 4)[descriptor & 3]
-    # A field of two bytes counts from 256 on: smaller sizes have a field of one.
+    # A field of two bytes holds the size minus 256: smaller sizes have a field of one byte.
     return int.from_bytes(frame[start : start + width], "little") + (256 if width == 2 else 0)

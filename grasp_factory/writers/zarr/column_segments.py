@@ -23,7 +23,7 @@ FOLDER = "packed"
 BYTES = "bytes"
 """Member of a segment: the size in bytes of all files of its blocks, of every array."""
 WORDS = ".words"
-"""Ends the name of the member that holds the words of a text column, by code."""
+"""Suffix of the member that holds the words of a text column, by code."""
 _NAME = re.compile(r"(\d+)-(\d+)\.npz")
 
 
@@ -36,17 +36,17 @@ class Segment:
 
     @property
     def place(self) -> slice:
-        """Where its blocks are in an array of all blocks."""
+        """The slice of its blocks in an array of all blocks."""
         return slice(self.blocks.start, self.blocks.stop)
 
     def is_in(self, there: NDArray[np.bool_]) -> bool:
-        """Return whether all its blocks are present; ``there`` is that of each block, (B,)."""
+        """Return whether all its blocks are present; ``there`` says which blocks are, (B,)."""
         return self.blocks.stop <= len(there) and bool(there[self.place].all())
 
     def read(self, names: Iterable[str]) -> Mapping[str, NDArray[Any]] | None:
-        """Return members by name, text decoded; None where the file is damaged or lacks one."""
+        """Return members by name, text decoded; None if the file is damaged or lacks one."""
         try:
-            # Given a path, numpy would leave the file open when it is no zip file.
+            # If numpy opened the path, it would leave the file open when it is not a zip file.
             with open(open_file(self.file), "rb") as file:
                 with np.load(file, allow_pickle=False) as members:
                     return {name: _member(members, name) for name in names}

@@ -1,6 +1,6 @@
-"""Whole columns of a store: packed segments where there are some, the blocks' own files elsewhere.
+"""Read whole columns of a store, from packed segments if present, else from the blocks' own files.
 
-What counts is the blocks whose commit marker is there; one directory listing tells which.
+Only blocks with a commit marker count; one directory listing finds them.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ class Columns:
     """The columns of a store, which may grow by blocks while it is read.
 
     Attributes:
-        path: the store's.
-        config: what it was made from.
-        length: rows.
-        names: what ``read`` takes.
+        path: path of the store.
+        config: config of the store.
+        length: number of rows.
+        names: column names for ``read``.
     """
 
     def __init__(
         self, path: Path, config: FactoryConfig, arrays: Mapping[str, StoredArray]
     ) -> None:
-        """Use the arrays of a store by their path, those of the columns among them."""
+        """Use the arrays of a store by their path; they must include those of the columns."""
         self.path = path
         self.config = config
         self.length: int = arrays[schema.STATUS.path].zarr.shape[0]
@@ -55,7 +55,7 @@ class Columns:
         return cls(path, config, arrays)
 
     def blocks(self) -> NDArray[np.bool_]:
-        """Return for each block whether it is there: those with a commit marker are.
+        """Return for each block whether it is present, which means that it has a commit marker.
 
         Raises:
             StoreError: if the directory of markers cannot be read.
@@ -71,7 +71,7 @@ class Columns:
         return there
 
     def read(self, *names: str) -> dict[str, NDArray[Any]]:
-        """Return whole columns by name, each (N, ...), fill values where no block is.
+        """Return whole columns by name, each (N, ...), with fill values for missing blocks.
 
         Raises:
             StoreError: if one is damaged.
@@ -100,7 +100,7 @@ class Columns:
         return start, min(start + self.config.block_size, self.length)
 
     def _take(self, segment: Segment, out: Mapping[str, NDArray[Any]]) -> bool:
-        """Copy a segment's rows into the columns; return whether they were fit for it."""
+        """Copy a segment's rows into the columns; return whether their types and shapes fit."""
         packed = segment.read([f"episodes/{name}" for name in out])
         size = self.config.block_size
         start, stop = segment.blocks.start * size, segment.blocks.stop * size
@@ -119,10 +119,12 @@ def _filled(array: StoredArray, length: int) -> NDArray[Any]:
 
 
 def check_lengths(path: Path, arrays: Mapping[str, StoredArray]) -> None:
-    """Check that all arrays of the store at ``path`` have one number of rows, which no seal holds.
+    """Check that all arrays of the store at ``path`` have the same number of rows.
+
+    No seal covers this number.
 
     Raises:
-        StoreError: naming one that has another.
+        StoreError: naming an array that has another number.
     """
     rows = arrays[schema.STATUS.path].zarr.shape[0]
     for name, array in arrays.items():

@@ -1,4 +1,4 @@
-"""A checksum for each array of an episode: which one is damaged, and is this one image whole."""
+"""A checksum for each array of an episode: it shows which array or image is damaged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a store carries beside its rows, so that it never loses it: opaque bytes here."""
+"""Data embedded in a store in addition to its rows; here it is opaque bytes."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from grasp_factory.writers.zarr.layout import KEYS, ZSTD_LEVEL
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
 
 OBJECTS, MODELS = "objects", "models"
-"""Groups: of users' objects by the name of their set, of trained models by their policy's."""
+"""Groups: users' objects by the name of their set, trained models by that of their policy."""
 DESCRIPTIONS = {
     OBJECTS: "zip file of a manifest and the converted meshes of this set",
     MODELS: "safetensors file of the trained model that this policy ranks its grasps by",
 }
 CHUNK = 1 << 24
-"""Bytes."""
+"""Bytes of a chunk."""
 
 
 def carried_by(config: FactoryConfig) -> dict[str, str]:
-    """Return the SHA-256 that names what a store of this config carries, by path in the store."""
+    """Return the SHA-256 that names each embedded item of a store of this config, by path in it."""
     objects = {f"{OBJECTS}/{name}": sha256 for name, sha256 in config.object_folders.items()}
     return objects | {f"{MODELS}/{name}": sha256 for name, sha256 in config.models.items()}
 
 
 def add_carried(root: zarr.Group, path: str, content: bytes) -> None:
-    """Put something to carry into a new store, at one of the paths of ``carried_by``."""
+    """Embed data in a new store, at one of the paths of ``carried_by``."""
     data = np.frombuffer(content, np.uint8)
     array = root.create_array(
         path,
@@ -49,7 +49,7 @@ def add_carried(root: zarr.Group, path: str, content: bytes) -> None:
 
 
 def read_carried(store: Path, path: str) -> bytes | None:
-    """Return what a store carries at a path, None where it has nothing, or is none yet.
+    """Return the data embedded in a store at a path; None if there is no data, or no store yet.
 
     Raises:
         StoreError: if the store is damaged.

@@ -1,6 +1,6 @@
-"""Values as the bytes of the files that hold them: what ``chunks`` reads, and any Zarr does.
+"""Encode values as the bytes of the store's files; ``chunks`` and any Zarr library read them.
 
-Zarr's own writing costs three times what the compression does: it prepares each array anew.
+Zarr's own writer takes three times as long as the compression: it prepares each array again.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ def packed_chunk(values: NDArray[Any], level: int) -> bytes:
 
 
 def packed_shard(pieces: Sequence[NDArray[Any]], chunks: int, level: int) -> bytes:
-    """Return a shard of so many chunks, of which ``pieces`` are the first; the rest are absent.
+    """Return a shard of ``chunks`` chunks, of which ``pieces`` are the first; the rest are absent.
 
-    After the chunks stand offset and length of each, and a CRC-32C of these.
+    After the chunks come the offset and length of each, and a CRC-32C of these.
     """
     index = np.full((chunks, 2), ABSENT, "<u8")
     packed = [packed_chunk(piece, level) for piece in pieces]

@@ -1,4 +1,4 @@
-"""Where the path of a store leads, and the error to raise when nothing can be written there."""
+"""Resolve the path of a store, and choose the error to raise when it cannot be written."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from grasp_factory.errors import StoreError, StoreMismatchError
 
 
 def locate(path: Path) -> Path:
-    """Return the absolute path of a store, links followed, whether there is anything or not.
+    """Return the absolute path of a store, links followed, whether it exists or not.
 
     Raises:
         StoreMismatchError: if the path cannot lead anywhere: a circle of links, a name that is too
             long, a directory that may not be entered, the root.
     """
     try:
-        target = Path(os.path.realpath(path))  # of a loop it raises nothing: stat does
+        target = Path(os.path.realpath(path))  # raises nothing for a loop; stat does
         os.stat(target)
     except (FileNotFoundError, NotADirectoryError):
         pass

@@ -1,4 +1,4 @@
-"""From the schema to Zarr arrays: shapes, chunks, shards, codec and attributes."""
+"""Map the schema to Zarr arrays: shapes, chunks, shards, codec and attributes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 
 # Plain zstd for everything; docs/performance/scale.md compares other codecs. Level 3 makes an
-# episode 1 % smaller and takes half as long again. Byte-shuffle would save 10 KiB of the streams'
-# 57, of about 330 KiB with the images, which is not worth a second codec.
+# episode 1 % smaller and takes 50 % longer. Byte-shuffle would save 10 of the 57 KiB of streams;
+# with images an episode has about 330 KiB, so that is not worth a second codec.
 ZSTD_LEVEL = 1
 
 # Chunk files are named 3.0.0 instead of c/3/0/0: no directory per shard, one fsync makes all
 # names of an array durable, and the block's number leads every file name.
 KEYS = {"name": "v2", "separator": "."}
 
-# An empty chunk is written like any other. Left out, it would read back as the fill value, and
-# a NaN or a -0.0 of the episode could come back with other bits than went in.
+# An empty chunk is written like any other. If it were left out, it would be read as the fill
+# value, and a NaN or a -0.0 of the episode could be read with other bits than were written.
 RUNTIME: Any = {"write_empty_chunks": True}
 
 
@@ -60,7 +60,7 @@ def create_array(
 
 
 def dimension_names(row: schema.Field) -> list[str]:
-    """Return a name for each dimension of a field's array; those of a letter are shared."""
+    """Return a name for each dimension of a field's array; equal letters have equal names."""
     leaf, shared = row.path.rsplit("/", 1)[-1], schema.dimension_names()
     own = [
         shared[dim] if isinstance(dim, str) else f"{leaf}_{axis}"
@@ -82,9 +82,9 @@ def attributes(row: schema.Field, config: FactoryConfig) -> dict[str, Any]:
 
 
 def block_files(store: Path, row: schema.Field, block: int, rows: range) -> list[Path]:
-    """Return the files that hold a block of a field, whose rows these are.
+    """Return the files that hold a block of a field; ``rows`` are the rows of the block.
 
-    They are numbered by blocks; those of videos by episodes.
+    Files are numbered by block; those of videos by episode.
     """
     numbers = rows if row.is_video else range(block, block + 1)
     return [store / row.path / f"{number}{'.0' * len(row.dims)}" for number in numbers]

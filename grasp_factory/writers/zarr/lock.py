@@ -1,7 +1,7 @@
 """Locks of a store: one coordinator for the whole store, or one for each shard of a run.
 
 They are the kernel's (flock), so they end with their process. The locked file names the holder. It
-lies beside the store, because creation renames the store itself.
+is next to the store, because creation renames the store itself.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class _Lock(ABC):
         )
 
     def _parts(self, count: str = "*") -> list[str]:
-        """Return who holds shards of the store; lock files that killed ones left are removed."""
+        """Return who holds shards of the store; remove the lock files of killed processes."""
         found = []
         stem = glob.escape(self._stem.name)
         for file in sorted(self.file.parent.glob(f"{stem}.shard-*-of-{count}.lock")):

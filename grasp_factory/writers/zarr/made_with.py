@@ -1,4 +1,4 @@
-"""What a store was made with, versions and platform, compared with what is here."""
+"""Compare the versions and the platform that made a store with those of this process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from grasp_factory.writers.zarr.header import root_attributes
 def changed_since(attributes: Mapping[str, Any]) -> list[str]:
     """Return ``what: recorded, now present`` for each version and platform fact that changed.
 
-    Of the platform, what the store does not tell is left out.
+    Platform facts that the store does not record are left out.
     """
     then, here = attributes.get("platform", {}), _here(attributes)["platform"]
     known = {key: now for key, now in here.items() if key in then}

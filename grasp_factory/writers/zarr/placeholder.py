@@ -1,4 +1,4 @@
-"""Folders in a store with files that are not Zarr's, described so that its readers skip them."""
+"""Describe a store's folders of files that are not Zarr's, so that Zarr's readers skip them."""
 
 from __future__ import annotations
 

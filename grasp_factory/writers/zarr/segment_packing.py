@@ -1,4 +1,4 @@
-"""Packing: writing the segments that are complete. Only the coordinator of a store does it."""
+"""Pack the segments that are complete. Only the coordinator of a store does this."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def pack(path: Path) -> None:
 
 
 def is_time_to_pack(index: int, block_size: int) -> bool:
-    """Return whether a run that goes by blocks should pack when this episode begins.
+    """Return whether a run that works block by block should pack when this episode begins.
 
     That is half a segment after a segment's end: by then all workers have committed its blocks.
     """
@@ -55,7 +55,7 @@ def is_time_to_pack(index: int, block_size: int) -> bool:
 
 
 def _complete(columns: Columns) -> Iterator[range]:
-    """Yield the ranges of blocks to pack; none of the blocks is absent or cut short."""
+    """Yield the ranges of blocks to pack; all these blocks are present and complete."""
     loose = columns.blocks()
     for segment in segments(columns.path):
         loose[segment.place] = False
@@ -67,7 +67,7 @@ def _complete(columns: Columns) -> Iterator[range]:
 
 
 def _members(columns: Columns, blocks: range) -> dict[str, NDArray[Any]]:
-    """Return the members of a segment's file; none if a row is missing or damaged."""
+    """Return the members of a segment's file; no members if a row is missing or damaged."""
     names = [name for name in columns.names if name not in NOT_PACKED]
     rows = columns.rows(blocks.start)[0], columns.rows(blocks[-1])[1]
     try:
@@ -91,5 +91,5 @@ def _write(path: Path, blocks: range, members: dict[str, NDArray[Any]]) -> None:
     if not is_sealed(path / FOLDER / "zarr.json"):
         write_placeholder(path, FOLDER, DESCRIPTION)
     content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **members)  # has no dates: the same bytes each time
+    np.savez(content, allow_pickle=False, **members)  # writes no dates: the same bytes each time
     write_atomic(file, content.getbuffer(), durable=True)

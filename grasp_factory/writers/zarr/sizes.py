@@ -1,4 +1,4 @@
-"""How large a store is, without looking at each of its files."""
+"""Compute the size of a store without examining each of its files."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from grasp_factory.writers.zarr.layout import block_files
 
 
 def store_bytes(columns: Columns) -> int:
-    """Return the bytes of a store: of its committed blocks, its metadata and all else in it.
+    """Return the bytes of a store: its committed blocks, its metadata and all other files.
 
-    A packed segment knows those of its blocks. What runs leave that were killed is not counted.
+    A packed segment records the bytes of its blocks. Blocks of killed runs are not counted.
     """
     loose, total = columns.blocks(), 0
     for segment in segments(columns.path):
@@ -43,7 +43,7 @@ def bytes_of_blocks(columns: Columns, blocks: Iterable[int]) -> int:
 
 
 def _bytes_beside(folder: Path, arrays: set[str]) -> int:
-    """Return the bytes of what is below a folder, but not in one of these arrays."""
+    """Return the bytes of all files below a folder that are not in one of these arrays."""
     total = 0
     with os.scandir(folder) as entries:
         for entry in entries:

@@ -1,4 +1,4 @@
-"""Building a store, or a part of one, in a folder aside, and moving it to its place as a whole."""
+"""Build a store, or a part of one, in a staging folder, then move it to its place as a whole."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from grasp_factory.core.atomic_file import fsync
 from grasp_factory.errors import StoreMismatchError
 
 CREATING = ".creating"
-"""Ends the names of folders in which stores and labels are created."""
+"""Suffix of the folders in which stores and labels are created."""
 ROOT_METADATA = "zarr.json"
 """The file that makes a folder a store."""
 _STORE_FILE = re.compile(r"(zarr|\d+)([.-][0-9a-z]+)*|log\.jsonl(\.partial)?")
@@ -25,17 +25,17 @@ def is_store_file(file: Path) -> bool:
 
 
 class StagingFolder:
-    """Where a store is built before it is moved to its place. Whoever uses it holds a lock.
+    """The folder in which a store is built before it is moved to its place. Its user holds a lock.
 
-    If the place is free, the folder lies beside it and is renamed. If there is an empty directory,
-    perhaps a mount point, it stays what it is: the folder lies inside, and its content is moved
-    piece by piece, with the root's metadata last.
+    If nothing is at the place, the folder is next to it and is renamed. If an empty directory is
+    there, perhaps a mount point, it is kept: the folder is inside it, and the folder's content is
+    moved piece by piece, with the root's metadata last.
 
-    What a killed process has left is removed by the next one, unless a file in it is not ours.
+    The next process removes what a killed one has left, unless a file in it is not ours.
 
     Attributes:
         target: the store's place.
-        folder: the folder.
+        folder: the staging folder.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class StagingFolder:
         self._is_ours = is_ours
 
     def is_free(self) -> bool:
-        """Return whether nothing is at the place, an empty directory, or what can be removed."""
+        """Return whether the place has nothing, an empty directory, or leftovers to remove."""
         if not self.target.exists():
             return True
         if not self._is_inside or not self.target.is_dir() or self._is_published():
@@ -77,7 +77,7 @@ class StagingFolder:
                 raise StoreMismatchError(f"{place} is in the way: it holds {file.name}; move it")
 
     def remove_leftovers(self) -> None:
-        """Remove what a process has left that was killed, or that fails now.
+        """Remove what a killed process has left, or this process when it fails.
 
         Raises:
             StoreMismatchError: if a file is not ours; nothing is removed then.
@@ -96,7 +96,7 @@ class StagingFolder:
     def building(self) -> Iterator[Path]:
         """Yield the folder, empty; it is moved to its place when the block succeeds.
 
-        What is in it has to be on the disk by then. After an error nothing is left.
+        Its content must be on the disk by then (fsync). After an error nothing is left.
 
         Raises:
             StoreMismatchError: if a file that is not ours is in the way.
@@ -125,7 +125,7 @@ class StagingFolder:
             fsync([self.target.parent])
             return
         for piece in sorted(self.folder.iterdir(), key=lambda piece: piece.name == ROOT_METADATA):
-            fsync([self.target])  # what makes it a store comes last on the disk, too
+            fsync([self.target])  # ROOT_METADATA is also the last on the disk
             os.replace(piece, self.target / piece.name)
         self.folder.rmdir()
         fsync([self.target])

@@ -33,7 +33,7 @@ class ZarrWriter(Writer):
 
     Attributes:
         block_size: episodes of a block.
-        length: episodes that the store has room for; it may cut the last block short.
+        length: episodes that the store has room for; the last block may be shorter.
     """
 
     def __init__(self, path: Path) -> None:
@@ -61,7 +61,7 @@ class ZarrWriter(Writer):
         """Write array by array, then ``status``, which commits the block.
 
         An existing block is cleared first, unless ``rows`` contains all its episodes unchanged:
-        then its files are replaced one by one, and no episode is lost on the way. Rows of the block
+        then its files are replaced one by one, and no episode is lost meanwhile. Rows of the block
         that are not passed stay missing. See ``Writer.write_block``.
         """
         start = block * self.block_size
@@ -114,7 +114,7 @@ class ZarrWriter(Writer):
                 )
 
     def present(self, block: int) -> dict[int, int]:
-        """Return the status of each row of a block that is committed or quarantined, by its number.
+        """Return the status of each row of a block that is committed or quarantined, by row number.
 
         Raises:
             StoreError: if it is damaged.
@@ -149,7 +149,7 @@ class ZarrWriter(Writer):
         marker = self._files_of(schema.STATUS, block)[0]
         if marker.exists():
             marker.unlink()
-            # Durable before the data goes: a power cut must not leave the marker alone.
+            # Durable before the data is removed: a power cut must not leave only the marker.
             fsync([marker.parent])
         for row in self._fields:
             for file in self._files_of(row, block):
