@@ -29,7 +29,7 @@ BOXES = 5
 ARM = DATA / "pendulum5.urdf"
 """Five links on revolute joints, which fall among the boxes."""
 ARGUMENTS = 4000
-"""For each function of the C library: with and without FMA one result in a thousand differs."""
+"""Arguments for each function of the C library: FMA changes one result in a thousand."""
 DIGITS = 8
 
 Numbers = Iterable[float]
@@ -82,7 +82,7 @@ def _build(world: World) -> tuple[list[int], int]:
 
 
 def _tumble(world: World, boxes: list[int], arm: int) -> Numbers:
-    """Let all fall, and give every state of every step: contacts amplify a last bit."""
+    """Let all bodies fall and yield each state of each step: contacts amplify any difference."""
     joints = list(world.joints(arm).values())
     world.command_velocities(arm, joints, [0.0] * len(joints), [0.02] * len(joints))
     for _ in range(STEPS):
@@ -103,7 +103,7 @@ def _images(world: World, renderer: Renderer) -> str:
 
 
 def _libm() -> Numbers:
-    """Give values of the functions of the C library that the engine calls."""
+    """Yield values of the functions of the C library that the engine calls."""
     for k in range(ARGUMENTS):
         x, y = (k * 7919 % 10007 / 10007.0, k * 6007 % 9973 / 9973.0)  # in [0, 1)
         wide, near = 20.0 * x - 10.0, 2.0 * x - 1.0
@@ -114,7 +114,7 @@ def _libm() -> Numbers:
 
 
 def _arithmetic() -> str:
-    """Return the digest of results of numpy and of this package, whose routines make episodes."""
+    """Return the digest of results of the numpy and package routines that make episodes."""
     k = np.arange(64, dtype=np.float64)
     a, b = k * 0.37 - 9.1, k * 0.11 + 0.7
     rng = np.random.default_rng(np.random.SeedSequence(5, spawn_key=(7, 1)))

@@ -1,8 +1,8 @@
 """Make the arm's collision hulls: ``python -m grasp_factory.simulation.make_link_hulls``.
 
 Loading the convex hulls of the iiwa's own meshes (7,500 points) took four fifths of the time of
-building a scene, at every episode (issue 5). The hulls only serve to detect contacts of the arm on
-its way. A millimetre does not matter there: the engine's own collision margin is as wide.
+building a scene, at every episode (issue 5). The hulls only serve to detect contacts of the arm
+while it moves. A millimetre does not matter there: the engine's own collision margin is as wide.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MESHES = DATA / "kuka_iiwa" / "meshes"
 HULLS = folder_of("grasp_factory") / "robots" / "assets"
 LINKS = tuple(f"link_{i}" for i in range(8))
 TOLERANCE = 0.001
-"""Metres by which a hull may fall short of the mesh's, in any direction."""
+"""Metres by which a hull may be smaller than the mesh's hull, in any direction."""
 DIRECTIONS = 20_000
 """Number of directions in which the hulls are compared: about 1.4 degrees apart."""
 
@@ -28,9 +28,9 @@ _HEADER = """\
 
 
 def link_hull(points: Array) -> Array:
-    """Return the fewest points (K, 3) found whose hull is that of the points (N, 3), metres.
+    """Return a small subset (K, 3) of the points (N, 3), metres, that has nearly the same hull.
 
-    Greedy: the point farthest beyond the hull so far, until none is beyond the tolerance.
+    Greedy: it adds the point farthest outside the hull so far until all are within the tolerance.
     """
     along = points @ directions().T
     full, farthest = along.max(axis=0), along.argmax(axis=0)

@@ -13,14 +13,14 @@ from grasp_factory.robots.kinematics import carrier
 from grasp_factory.simulation.world import EngineRow, World
 
 TRACKING_BANDWIDTH = 48.0
-"""rad/s of the joint position loop: 0.2 per step at 240 Hz. A fixed gain per step would make
-the arm stiffer at finer steps and the labels depend on the rate."""
+"""rad/s of the joint position loop: 0.2 per step at 240 Hz. With a fixed gain per step, the arm
+would be stiffer at finer steps, and the labels would depend on the rate."""
 GEAR_FORCE = 200.0
-"""N with which the two fingers are held symmetric (bullet3 issue 2101 advises a gear)."""
+"""N that keep the two fingers symmetric (bullet3 issue 2101 advises a gear)."""
 
 
 class Robot:
-    """A robot standing in a world, at home with the gripper open."""
+    """A robot in a world; it starts in its home position with the gripper open."""
 
     def __init__(self, world: World, model: RobotModel) -> None:
         self.model = model
@@ -41,7 +41,7 @@ class Robot:
         world.place_joints(self.body, self.arm, model.home)
         world.place_joints(self.body, self.fingers, [half, half])
         # Torsion comes from friction at several points. Bullet's own torsional friction would not
-        # be in the contact rows, and the pads' wrench not the whole one.
+        # be in the contact rows, and the pads' wrench would be incomplete.
         for pad in self.pads:
             world.change_dynamics(
                 self.body, pad, lateralFriction=model.pad_friction,
@@ -84,7 +84,7 @@ class Robot:
     def listen(self, on: bool) -> None:
         """Switch the wrist's force-torque sensor on or off, from the next step on.
 
-        The engine spends a seventh of a free step on it, so it is on where it is read (issue 5).
+        It takes a seventh of the time of a free step, so it is on only where it is read (issue 5).
         """
         self._world.sense_wrench(self.body, self.ft_joint, on)
 

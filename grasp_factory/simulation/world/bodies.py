@@ -1,4 +1,4 @@
-"""Bodies put together from parts: primitives and meshes, with mass properties of their own."""
+"""Bodies that consist of parts, primitives and meshes, with their own mass properties."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _arrays(parts: Sequence[Part], scale: float, kind: str) -> dict[str, Any]:
 
 @cache
 def _openable(file: Path) -> str:
-    """Return a name for a file that the engine can take: with other letters it crashes."""
+    """Return an ASCII name for a file: with other letters the engine crashes."""
     if str(file).isascii():
         return str(file)
     return f"/proc/self/fd/{_directory(file.parent)}/{file.name}"

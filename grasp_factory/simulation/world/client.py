@@ -1,7 +1,7 @@
-"""One DIRECT client of PyBullet behind a small typed face.
+"""One DIRECT client of PyBullet behind a small typed interface.
 
-What is known to trap people is settled here, once: settings that survive a reset, contact rows
-whose order is not by id, link states that lag a step, frames at the centre of mass.
+Known pitfalls are handled here, once: settings that survive a reset, contact rows whose order is
+not by id, link states that lag a step, frames at the centre of mass.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class World:
     # -- building -------------------------------------------------------------------------
 
     def reset(self, physics: PhysicsConfig) -> None:
-        """Empty the world and set every setting, those that survive a reset above all."""
+        """Empty the world and set every setting, including those that survive a reset."""
         p.resetSimulation(physicsClientId=self._client)
         self._sealed = False
         self._textures.forget()
@@ -96,7 +96,7 @@ class World:
     ) -> int:
         """Load a URDF with its own frame at ``pose`` and return the body.
 
-        ``package://pybullet_data/`` in the file stands for that package's folder.
+        ``package://pybullet_data/`` in the file means that package's folder.
 
         Raises:
             RecipeError: if the file cannot be loaded.
@@ -141,10 +141,10 @@ class World:
         pose = Pose((x, y, z), IDENTITY.quat_xyzw)
         return self.add_compound(box(half_extents), pose, mass=mass, rgba=rgba)
 
-    # -- looks ----------------------------------------------------------------------------
+    # -- appearance -----------------------------------------------------------------------
 
     def set_look(self, body: int, color: Sequence[float], texture: str = "") -> None:
-        """Show a body in a colour (RGB, 0 to 1), multiplied with a texture's where one is named.
+        """Show a body in a colour (RGB, 0 to 1), multiplied with a texture's if one is named.
 
         Raises:
             UnknownNameError: if there is no such texture.
@@ -165,7 +165,7 @@ class World:
         p.changeDynamics(body, link, **settings, physicsClientId=self._client)
 
     def place_joints(self, body: int, joints: Sequence[int], positions: Sequence[float]) -> None:
-        """Set joint positions without moving there; only while the scene is being built."""
+        """Set joint positions without motion; only while the scene is being built."""
         self._refuse_when_sealed("place joints")
         for joint, position in zip(joints, positions, strict=True):
             p.resetJointState(body, joint, position, 0.0, physicsClientId=self._client)
@@ -182,11 +182,11 @@ class World:
         )
 
     def sense_wrench(self, body: int, joint: int, on: bool) -> None:
-        """Let a fixed joint report the wrench that it transmits, or let it be."""
+        """Switch on or off that a fixed joint reports the wrench that it transmits."""
         p.enableJointForceTorqueSensor(body, joint, on, physicsClientId=self._client)
 
     def seal(self) -> None:
-        """End the building: from here on bodies move by physics alone until ``reset``."""
+        """End the construction: from now on bodies move by physics alone until ``reset``."""
         self._sealed = True
 
     # -- names ----------------------------------------------------------------------------
@@ -231,7 +231,7 @@ class World:
         """Advance by one time step."""
         p.stepSimulation(physicsClientId=self._client)
 
-    # -- looking --------------------------------------------------------------------------
+    # -- reading state and images ----------------------------------------------------------
 
     def joint_states(self, body: int, joints: Sequence[int]) -> tuple[EngineRow, ...]:
         """Return (position, velocity, reaction (6,), motor torque) for each joint."""
@@ -269,10 +269,9 @@ class World:
     def contacts(self) -> tuple[EngineRow, ...]:
         """Return PyBullet's rows for all contacts; filtered queries flip signs or drop some.
 
-        In a row, [1] and [2]
-        are bodies A and B, [3] and [4] their links, [5] and [6] the points on A and B, [7] the
-        normal on B pointing to A, [8] the distance, [9] the normal force, [10] and [12] the
-        friction forces along [11] and [13]; forces act on A.
+        In a row, [1] and [2] are bodies A and B, [3] and [4] their links, [5] and [6] the points
+        on A and B, [7] the normal on B pointing to A, [8] the distance, [9] the normal force,
+        [10] and [12] the friction forces along [11] and [13]; forces act on A.
         """
         return tuple(p.getContactPoints(physicsClientId=self._client))
 
@@ -283,7 +282,7 @@ class World:
         return self._visuals.render(camera, light)
 
     def _undamp(self, body: int) -> None:
-        """Take away the damping that Bullet gives every link (0.04): there is no such air here."""
+        """Remove the damping that Bullet sets for every link (0.04): there is no air resistance."""
         for link in (-1, *self._joint_range(body)):
             self.change_dynamics(body, link, linearDamping=0.0, angularDamping=0.0)
 

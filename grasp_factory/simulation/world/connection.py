@@ -1,4 +1,4 @@
-"""Clients of the engine, with PyBullet's own renderer or its eglRenderer plugin: OpenGL."""
+"""Clients of the engine, with PyBullet's own renderer or its eglRenderer plugin (OpenGL)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from grasp_factory.simulation.world.engine import muted, p
 WARM_UP_FRAMES = 2
 """The colours of the first two images after the start differ from all later ones (measured)."""
 PATIENCE_S = 120
-"""Loading takes 2 seconds; the first time after a boot, or under load, many more."""
+"""Loading takes 2 seconds, but much longer after a boot or under load."""
 _loaded = set[int]()
-"""The clients that have the plugin. It draws for the one that loaded it last, whoever asks."""
+"""The clients that have the plugin. It always draws for the one that loaded it last."""
 _IN_A_CHILD = (
     "from grasp_factory.simulation.world.engine import p\n"
     "from grasp_factory.simulation.world.connection import load_plugin\n"
@@ -69,7 +69,7 @@ def connect(renderer: Renderer) -> int:
         raise GraspFactoryError("a second world with renderer egl: close the first one before")
     client: int = p.connect(p.DIRECT)
     if renderer is Renderer.EGL:
-        with muted(1), muted(2):  # the plugin greets
+        with muted(1), muted(2):  # the plugin prints a greeting
             load_plugin(client)
         _loaded.add(client)
     return client
@@ -86,7 +86,7 @@ def load_plugin(client: int) -> None:
 
 def disconnect(client: int) -> None:
     """End a client, with the plugin if it has it."""
-    with muted(1):  # the plugin takes its leave
+    with muted(1):  # the plugin prints a farewell
         p.disconnect(physicsClientId=client)
     _loaded.discard(client)
 

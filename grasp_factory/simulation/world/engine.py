@@ -1,4 +1,4 @@
-"""PyBullet itself, imported without its greeting, and a way to keep it quiet."""
+"""PyBullet, imported without its greeting, and a context manager that mutes its output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LIBC = ctypes.CDLL(None)
 
 @contextlib.contextmanager
 def muted(fd: int) -> Iterator[None]:
-    """Send a file descriptor to nowhere: the library prints from C, past ``sys.stdout``."""
+    """Discard the output to a file descriptor: the library prints from C, not by ``sys.stdout``."""
     saved = os.dup(fd)
     try:
         _LIBC.fflush(None)
@@ -24,7 +24,7 @@ def muted(fd: int) -> Iterator[None]:
             os.dup2(nowhere.fileno(), fd)
         yield
     finally:
-        _LIBC.fflush(None)  # a pipe gets what C prints much later
+        _LIBC.fflush(None)  # C buffers its output to a pipe
         os.dup2(saved, fd)
         os.close(saved)
 

@@ -1,4 +1,4 @@
-"""Files in memory, for what the engine takes by name only."""
+"""Files in memory, for data that the engine accepts only by file name."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import os
 def file_in_memory(name: str, data: bytes) -> str:
     """Return the path of a file that lives as long as this process.
 
-    A killed process leaves nothing behind, and no other content can come under its name, for the
-    engine caches files by name.
+    A killed process leaves no file. No other content can have the same name, which matters
+    because the engine caches files by name.
 
     Raises:
-        OSError: if memory, or a limit on files, does not let all of it be written.
+        OSError: if a lack of memory, or a limit on files, prevents writing all of it.
     """
     descriptor = os.memfd_create(name)
     try:
         left = memoryview(data)
-        while left:  # a limit cuts the first write short, and only the next one tells
+        while left:  # a limit shortens the first write; only the next one raises
             left = left[os.write(descriptor, left) :]
     except BaseException:
         os.close(descriptor)

@@ -15,8 +15,8 @@ from grasp_factory.objects import Compound, visual_parts
 class MeshNames:
     """The names under which one world opens files.
 
-    The OpenGL plugin knows a mesh by its file's name alone: it would show all that come from one
-    file in the size of the first, and hide them together. So for it, each gets a name of its own.
+    The OpenGL plugin identifies a mesh by its file's name: it would show all meshes of one file in
+    the size of the first, and hide them together. So with it, each mesh gets its own name.
     """
 
     def __init__(self, renderer: Renderer) -> None:
@@ -24,7 +24,7 @@ class MeshNames:
         self._times: Counter[Path] = Counter()
 
     def forget(self) -> None:
-        """Take note of a reset, which ends all meshes."""
+        """Forget all names after a reset, which removes all meshes."""
         self._times.clear()
 
     def of(self, file: Path) -> Path:
@@ -36,7 +36,7 @@ class MeshNames:
         return Path(f"/proc/self/fd/{_descriptor(file.parent, number)}/{file.name}")
 
     def within(self, body: Compound) -> Compound:
-        """Return a body with such names in place of its visual meshes'."""
+        """Return a body whose visual meshes have such names."""
         if not self._are_own:
             return body
         parts = (replace(part, shape=str(self.of(Path(part.shape)))) for part in visual_parts(body))
@@ -45,7 +45,7 @@ class MeshNames:
 
 @cache
 def _descriptor(directory: Path, number: int) -> int:
-    """Return the so many-th descriptor of a directory.
+    """Return descriptor ``number`` of a directory.
 
     It stays open for all worlds of the process, because the engine keeps files by their name.
     """

@@ -1,4 +1,4 @@
-"""A world for playing back: bodies stand where a recording says, and time never passes."""
+"""A world for playback: bodies have the poses of a recording, and time does not advance."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class PosedWorld(World):
         return self
 
     def seal(self) -> None:
-        """Leave the scene open: here it is moved by hand."""
+        """Do nothing: here bodies may be placed at any time."""
 
     def step(self) -> NoReturn:
-        """Refuse: what is shown here was simulated before.
+        """Refuse: the recording was simulated before.
 
         Raises:
             GraspFactoryError: always.

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from grasp_factory.simulation.world.client import World
 from grasp_factory.simulation.world.engine import p
 
-# Without the permission the engine wakes a body at its next step.
+# Without ENABLE_SLEEPING the engine wakes a body at its next step.
 _SLEEP = p.ACTIVATION_STATE_SLEEP | p.ACTIVATION_STATE_ENABLE_SLEEPING
 _WAKE = p.ACTIVATION_STATE_WAKE_UP | p.ACTIVATION_STATE_DISABLE_SLEEPING
 
@@ -15,8 +15,8 @@ _WAKE = p.ACTIVATION_STATE_WAKE_UP | p.ACTIVATION_STATE_DISABLE_SLEEPING
 def put_to_sleep(world: World, bodies: Iterable[int]) -> None:
     """Let bodies that are at rest sleep: they keep their pose and cost no time.
 
-    A sleeping body takes part while something that is awake touches it, and falls asleep again
-    when that leaves it, wherever it is then: wake it before it is moved.
+    A sleeping body is simulated while an awake body touches it. It falls asleep again when that
+    contact ends, at any pose, so wake it before it is moved.
     """
     for body in bodies:
         world.change_dynamics(body, -1, activationState=_SLEEP)

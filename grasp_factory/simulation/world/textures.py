@@ -14,14 +14,14 @@ NO_TEXTURE = -1
 
 
 class Textures:
-    """The textures of a client. Each is loaded once a reset: the engine keeps every copy."""
+    """The textures of a client; each is loaded once per reset, as the engine keeps every copy."""
 
     def __init__(self, client: int) -> None:
         self._client = client
         self.loaded: dict[str, int] = {}
 
     def find(self, texture: str) -> int:
-        """Return the engine's id of a texture, or of none for an empty name.
+        """Return the engine's id of a texture; ``NO_TEXTURE`` for an empty name.
 
         Raises:
             UnknownNameError: if there is no such texture.
@@ -34,13 +34,13 @@ class Textures:
         return self.loaded[texture]
 
     def forget(self) -> None:
-        """Take note of a reset, which ends all ids."""
+        """Forget all ids after a reset, which makes them invalid."""
         self.loaded.clear()
 
 
 @cache
 def _file_of(texture: str) -> str:
-    """Return a PNG file in memory."""
+    """Return the path of a texture's PNG file in memory."""
     ok, data = cv2.imencode(".png", texture_image(texture)[..., ::-1])
     assert ok
     return file_in_memory(texture.replace("/", "_"), data.tobytes())

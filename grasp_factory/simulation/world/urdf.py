@@ -1,4 +1,4 @@
-"""URDF files as the engine's loader can take them."""
+"""Convert URDF files to what the engine's loader accepts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from grasp_factory.simulation.world.memory import file_in_memory
 
 @cache
 def with_packages(path: Path) -> str:
-    """Return a file for the loader, which finds meshes by absolute path only."""
+    """Return the path of a file for the loader, which finds meshes by absolute path only."""
     text = path.read_text(encoding="utf-8")
     found = text
     for prefix, folder in package_folders().items():
@@ -26,13 +26,13 @@ def with_packages(path: Path) -> str:
 
 
 def _without_frames(text: str) -> bytes:
-    """Return a URDF without the links that are nothing but a name for a place.
+    """Return a URDF without the empty links, which only name a frame.
 
     The engine would spend 1.6 microseconds of each step on every one (issue 5).
 
     Raises:
-        RecipeError: if one of them is turned against the link it is fixed to, which no file of
-            this package does.
+        RecipeError: if one of them is rotated relative to the link that it is fixed to; no file
+            of this package has such a link.
     """
     robot = ElementTree.fromstring(text)
     joints = robot.findall("joint")
@@ -65,5 +65,5 @@ def _shift(joint: ElementTree.Element) -> list[float]:
 
 @cache
 def _plain_name(directory: Path) -> str:
-    """Return a name of a directory in letters that the engine can take, whatever its path."""
+    """Return an ASCII name of a directory, which the engine accepts, for any path."""
     return f"/proc/self/fd/{os.open(directory, os.O_PATH)}"

@@ -1,4 +1,4 @@
-"""What the engine shows: colours, textures, what is hidden, and the render itself."""
+"""The appearance of bodies: colours, textures, hidden links, and rendering."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Hidden = list[tuple[int, int, Sequence[float]]]
 
 
 class Visuals:
-    """The looks of a client's bodies."""
+    """The appearance of a client's bodies."""
 
     def __init__(self, client: int, renderer: Renderer, textures: Textures) -> None:
         self._client = client
@@ -27,11 +27,11 @@ class Visuals:
         self._colors: dict[int, Sequence[float]] = {}
 
     def forget(self) -> None:
-        """Take note of a reset, which ends all bodies."""
+        """Forget all colours after a reset, which removes all bodies."""
         self._colors.clear()
 
     def set_look(self, body: int, color: Sequence[float], texture: str) -> None:
-        """Show a body in a colour, multiplied with a texture's where one is named.
+        """Show a body in a colour, multiplied with a texture's if one is named.
 
         Raises:
             UnknownNameError: if there is no such texture.
@@ -55,8 +55,8 @@ class Visuals:
         for row in p.getVisualShapeData(body, physicsClientId=self._client):
             if links is not None and row[1] not in links:
                 continue
-            link, rgba = row[1], self._colors.get(body, row[7])  # with OpenGL, [7] is the file's
-            shape = sum(link == other for other, _, _ in hidden)  # they are counted by link
+            link, rgba = row[1], self._colors.get(body, row[7])  # OpenGL: [7] is the file's
+            shape = sum(link == other for other, _, _ in hidden)  # counted per link
             hidden.append((link, shape, rgba))
             self._tint(body, (link, shape), (0.0, 0.0, 0.0, 0.0))
         return hidden
@@ -82,7 +82,7 @@ class Visuals:
             lightAmbientCoeff=light.ambient,
             lightDiffuseCoeff=light.diffuse,
             lightSpecularCoeff=light.specular,
-            renderer=p.ER_TINY_RENDERER,  # a plugin that is loaded draws in its place
+            renderer=p.ER_TINY_RENDERER,  # a loaded plugin draws instead
             flags=p.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
             physicsClientId=self._client,
         )
