@@ -1,4 +1,4 @@
-"""Which objects are for training and which for tests: it hangs on the object alone."""
+"""The split of an object, train, val or test: it depends on the object alone."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def check_names(config: FactoryConfig) -> RobotModel:
             check_splits(found, config.object_splits)
     for folder in config.object_folders:
         ok = folder not in OBJECT_SETS and folder in config.object_sets
-        valid = "a set of object_sets that is none of those that are shipped"
+        valid = "a name of object_sets that is not a shipped set"
         check(ok, "object_folders", folder, valid)
     robot = lookup(ROBOTS, "robot", config.robot)
     (low, high), force = robot.gripper.force_range, config.motion.grip_force

@@ -173,7 +173,7 @@ def _load(name: str, sha256: str, where: Path) -> FiniteSet:
         if read_checked(mesh_path(where, file)) is None:
             raise ConfigError(
                 f"the cache {where} has lost or damaged a mesh of object set {name!r}; run"
-                " `grasp-factory objects DIR` again to make it anew"
+                " `grasp-factory objects DIR` again to convert it again"
             )
     models = (_model(f"{name}/{key}", item, where) for key, item in manifest.objects.items())
     return FiniteSet(

@@ -1,7 +1,7 @@
 """Make the arm's collision hulls: ``python -m grasp_factory.simulation.make_link_hulls``.
 
 Loading the convex hulls of the iiwa's own meshes (7,500 points) took four fifths of the time of
-building a scene, at every episode (issue 5). The hulls only serve to detect contacts of the arm
+building a scene, at every episode. The hulls only serve to detect contacts of the arm
 while it moves. A millimetre does not matter there: the engine's own collision margin is as wide.
 """
 

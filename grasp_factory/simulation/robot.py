@@ -84,7 +84,7 @@ class Robot:
     def listen(self, on: bool) -> None:
         """Switch the wrist's force-torque sensor on or off, from the next step on.
 
-        It takes a seventh of the time of a free step, so it is on only where it is read (issue 5).
+        It takes a seventh of the time of a free step, so it is on only where it is read.
         """
         self._world.sense_wrench(self.body, self.ft_joint, on)
 

@@ -55,6 +55,7 @@ from grasp_factory.errors import (
     StoreMismatchError,
     UsageError,
 )
+from grasp_factory.factory.block_maker import BlockMaker
 from grasp_factory.factory.generate import generate
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.writers.base import Quarantined
@@ -779,7 +780,7 @@ class TestAFingerprintThatIsLost:
         shutil.rmtree(copy / "packed")
         set_texts(copy, {1: ""})
         monkeypatch.setattr(
-            rebuild.BlockMaker, "make_row", lambda self, spec, lost: Quarantined(spec, "elsewhere")
+            BlockMaker, "make_row", lambda self, spec, lost: Quarantined(spec, "elsewhere")
         )
         found = tree(copy)
         result = repair(copy, 1)

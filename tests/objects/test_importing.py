@@ -376,7 +376,7 @@ class TestChild:
         use = "from grasp_factory.objects.importing.job import encode"
         send = f"{use}; os.write(1, encode({{'missing': 'x'}}))"
         replace_child(f"{send}; time.sleep(9)")
-        told = r"this needs x, not installed: pip install 'grasp-factory\[meshes\]'"
+        told = r"this needs x, which is not installed: pip install 'grasp-factory\[meshes\]'"
         with pytest.raises(UsageError, match=told):
             imported(folder)
 

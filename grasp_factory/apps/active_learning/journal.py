@@ -72,7 +72,7 @@ class Journal:
             is_ours = False
         if not is_ours:
             raise UsageError(
-                f"{self._file} is none that this version can read; choose another folder"
+                f"{self._file} is not a file that this version can read; choose another folder"
             )
         different = first_difference(to_plain(settings), to_plain(self._settings))
         if different:

@@ -52,13 +52,13 @@ def is_recoded(document: Any) -> bool:
 def sorted_out(names: Sequence[str], broken: Iterable[Problem]) -> tuple[list[Problem], list[str]]:
     """Return a problem for each of these arrays with changed values, and a note on the others."""
     changed = {problem.array for problem in broken}
-    what = "written anew by another program, with other values"
+    what = "rewritten by another program, with other values"
     problems = [Problem(episode=None, array=name, what=what) for name in names if name in changed]
     same = [name for name in names if name not in changed]
     if not same:
         return problems, []
     more = f" and {len(same) - 3} more" if len(same) > 3 else ""
-    what = "written anew by another program; the values are those that were written"
+    what = "rewritten by another program; the values are those that were written"
     return problems, [f"{', '.join(same[:3])}{more}: {what}"]
 
 

@@ -76,7 +76,7 @@ def _of_file(file: Path, on_start: Callable[[int], None], on_row: Callable[[int]
     version = version_of(file)
     if version != VERSION:
         raise UsageError(
-            f"index {file} was made by another version of grasp-factory; make it anew:"
+            f"index {file} was made by another version of grasp-factory; build it again:"
             f" grasp-factory index STORE... --out {file}"
         )
     opened = Index(file)

@@ -96,7 +96,9 @@ def _geometry(source: ObjectSource, geometry: Geometry, warnings: list[str]) -> 
     small, middle, large = np.sort(squares)
     inside = (low <= com).all() and (com <= high).all()
     if not (inside and small > 0.0 and small + middle >= large * (1 - 1e-6) and large <= reach):
-        warnings.append("the URDF's inertia is none of a solid of this size: computed instead")
+        warnings.append(
+            "the URDF's inertia is impossible for a solid of this size: computed instead"
+        )
         return geometry
     pose = Pose.from_matrix(transform(R, com))
     x, y, z = (float(square) for square in squares)

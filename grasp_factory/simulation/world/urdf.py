@@ -28,7 +28,7 @@ def with_packages(path: Path) -> str:
 def _without_frames(text: str) -> bytes:
     """Return a URDF without the empty links, which only name a frame.
 
-    The engine would spend 1.6 microseconds of each step on every one (issue 5).
+    The engine would spend 1.6 microseconds of each step on every one.
 
     Raises:
         RecipeError: if one of them is rotated relative to the link that it is fixed to; no file

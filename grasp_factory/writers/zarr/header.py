@@ -136,7 +136,7 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     try:
         array = root[path]
     except KeyError:
-        what = f"array {path}: zarr.json is missing, or is none; run grasp-factory verify on it"
+        what = f"array {path}: zarr.json is missing or invalid; run grasp-factory verify on it"
         raise StoreError(f"{_where(root)} is damaged: {what}, and repair") from None
     except Exception as error:  # Zarr raises any exception at damaged metadata
         raise StoreError(f"{_where(root)} is damaged: array {path}: {first_line(error)}") from None
