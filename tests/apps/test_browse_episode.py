@@ -245,7 +245,7 @@ def test_space_plays_on_and_pauses(show: Callable[..., Page]) -> None:
 
 def test_a_quarter_of_the_speed_is_a_quarter_of_the_way(show: Callable[..., Page]) -> None:
     page = show(REAL, 0)
-    page.one("speed").click()
+    page.click("speed")
     assert page.text("speed").startswith("0.25")
     code = """
       const done = arguments[0], s = document.querySelector('[data-testid=slider]');
@@ -292,7 +292,7 @@ def test_a_drag_zooms_all_curves_alike_and_the_button_shows_all_again(
     drag.move_by_offset(40, 0).move_by_offset(40, 0).release().perform()
     page.until(lambda: page.script(shown) == 0, "the end is outside of what is shown")
     assert place(page) == last
-    page.css(".curves .panel-head button").click()
+    page.click_css(".curves .panel-head button")
     page.until(lambda: page.script(shown) == charts, "all is shown again")
 
 
@@ -300,7 +300,7 @@ def test_a_group_of_curves_that_is_hidden_stays_hidden_in_the_next_episode(
     show: Callable[..., Page],
 ) -> None:
     page = show(REAL, 0)
-    page.css(".chart-chips button").click()
+    page.click_css(".chart-chips button")
     page = show(REAL, 1)
     page.one("curve-cursor")
     charts = page.driver.find_elements("css selector", ".chart")
@@ -390,9 +390,9 @@ def test_tags_quality_label_and_note_are_there_after_a_reload(
     annotation = told(f"api/episode/{REAL}/1")["annotation"]
     assert (annotation["quality"], annotation["outcome"]) == (2, "success")
     assert annotation["by"] == "tester"
-    page.css(".changes summary").click()
+    page.click_css(".changes summary")
     assert "tagged odd one" in page.text("history")
-    page.css('[data-testid="tag"] button').click()
+    page.click_css('[data-testid="tag"] button')
     page.until(lambda: not page.all("tag"), "the tag is gone")
     page.reload()
     page.one("tag-input")
@@ -405,7 +405,7 @@ def test_a_box_and_a_point_that_are_drawn_are_stored_in_pixels_of_the_image(
     from selenium.webdriver.common.action_chains import ActionChains
 
     page = show(REAL, 3)
-    page.one("mark-box").click()
+    page.click("mark-box")
     type_into(page, "mark-label", SCRIPT)
     layer = page.one("marks-0")
     page.script("arguments[0].scrollIntoView({block: 'center'})", layer)
@@ -415,7 +415,7 @@ def test_a_box_and_a_point_that_are_drawn_are_stored_in_pixels_of_the_image(
     drag.click_and_hold().move_by_offset(size["width"] // 2, size["height"] // 2).release()
     drag.perform()
     page.until(lambda: len(page.all("mark")) == 1, "the box")
-    page.one("mark-point").click()
+    page.click("mark-point")
     other = page.one("marks-1")
     page.script("arguments[0].scrollIntoView({block: 'center'})", other)
     ActionChains(page.driver).move_to_element(other).click().perform()
@@ -430,7 +430,7 @@ def test_a_box_and_a_point_that_are_drawn_are_stored_in_pixels_of_the_image(
     drawn = page.css(f'rect[data-mark="{box["id"]}"]')
     assert float(drawn.get_attribute("width")) == box["pixels"][2]
     assert page.css("svg text").text == SCRIPT
-    page.css(f'[data-id="{box["id"]}"] button').click()
+    page.click_css(f'[data-id="{box["id"]}"] button')
     page.until(lambda: len(page.all("mark")) == 1, "the box is gone")
     assert [mark["id"] for mark in told(f"api/episode/{REAL}/3")["annotation"]["marks"]] == [
         point["id"]
@@ -587,7 +587,7 @@ def test_each_side_of_a_comparison_has_its_own_camera(page: Page) -> None:
 def test_a_comparison_stays_aligned_over_a_reload(page: Page) -> None:
     page.go(f"#/compare/{REAL}:0,{REAL}:1")
     page.one("compare-facts")
-    page.css('option[value="lift"]').click()
+    page.click_css('option[value="lift"]')
     assert page.hash == f"#/compare/{REAL}:0,{REAL}:1?align=lift"
     page.driver.refresh()
     page.one("compare-facts")
@@ -595,7 +595,7 @@ def test_a_comparison_stays_aligned_over_a_reload(page: Page) -> None:
     assert f"{REAL}:1,{REAL}:0?align=lift" in page.css(".episode-head .button").get_attribute(
         "href"
     )
-    page.css(".episode-head .turn").click()
+    page.click_css(".episode-head .turn")
     page.one("card")
     assert "align" not in page.hash
 
@@ -612,7 +612,7 @@ def test_the_comparison_shows_two_episodes_by_one_slider(
     seek(page, 200)
     after = page.script(canvases)
     assert all(a != b for a, b in zip(before, after, strict=True))
-    page.css('option[value="close"]').click()
+    page.click_css('option[value="close"]')
     closing = [next(p for p in s["phases"] if p["name"] == "close")["start"] for s in both]
     start = min(s["time"][0] - at for s, at in zip(both, closing, strict=True))
     times = [float(one.get_attribute("data-time")) for one in page.all("scene-image")]
@@ -654,7 +654,7 @@ def test_two_episodes_are_picked_for_a_comparison_on_their_pages(show: Callable[
     [key] = page.script("return Object.keys(sessionStorage).filter((k) => k.includes('compare'))")
     assert "real.zarr" in key  # ids mean nothing in other stores
     page = show(REAL, 3)
-    page.one("compare").click()
+    page.click("compare")
     page.one("compare-facts")
     assert page.hash == f"#/compare/{REAL}:2,{REAL}:3"
 
@@ -716,7 +716,7 @@ def test_what_is_typed_stays_until_the_server_has_taken_it(
     page.script("window.fetch = window.fetchAsIs")
     type_into(page, "tag-input", "\n")
     page.until(lambda: page.all("tag"), "the tag")
-    page.one("note").click()  # and the page is closed with the focus in the note
+    page.click("note")  # and the page is closed with the focus in the note
     page.reload()
     page.until(lambda: page.one("note").get_attribute("value") == "kept note", "the note")
     annotation = told(f"api/episode/{REAL}/2")["annotation"]
@@ -748,7 +748,7 @@ def test_what_another_tab_changed_shows_when_the_page_gets_the_focus(
     page.until(
         lambda: "from elsewhere" in [t.get_attribute("data-tag") for t in page.all("tag")], "it"
     )
-    page.css(".changes summary").click()
+    page.click_css(".changes summary")
     assert "other tagged from elsewhere" in page.text("history")
 
 
@@ -771,7 +771,7 @@ def test_a_wrong_address_says_what_is_wrong_and_leads_to_all_episodes(page: Page
     ):
         page.go(fragment)
         page.until(lambda words=words: words in page.css(".state").text, words)
-        page.css('.state a[href="#/"]').click()
+        page.click_css('.state a[href="#/"]')
         page.one("card")
 
 

@@ -173,7 +173,7 @@ def test_pictures_after_the_attempt_show_on_hover_and_for_all_on_a_button(page: 
     first = page.css("[data-testid=card] img")
     ActionChains(page.driver).move_to_element(first).perform()
     page.until(lambda: "frame=1" in (first.get_attribute("src") or ""), "the frame after")
-    page.one("show-after").click()
+    page.click("show-after")
     images = page.driver.find_elements("css selector", "[data-testid=card] img")
     page.until(lambda: all("frame=1" in (i.get_attribute("src") or "") for i in images))
 
@@ -195,7 +195,7 @@ def test_a_typed_condition_narrows_the_grid_and_is_in_the_address(
     page.reload()
     settled(page)
     assert ids(page) == wanted[:PAGE]
-    page.css("[data-testid=filter-chip] button").click()
+    page.click_css("[data-testid=filter-chip] button")
     page.until(lambda: conditions(page) == [], "the address holds no condition")
     page.until(lambda: shown_total(page) == N, "all episodes")
 
@@ -229,7 +229,7 @@ def test_a_condition_that_cannot_be_understood_is_explained_beside_the_field(pag
 def test_an_address_with_a_bad_condition_says_so_and_offers_the_way_out(page: Page) -> None:
     page.go("#/?where=nonsense")
     page.until(lambda: "nonsense" in page.text("filter-error"), "the complaint")
-    page.css("[data-testid=grid-state] button").click()
+    page.click_css("[data-testid=grid-state] button")
     page.until(lambda: shown_total(page) == N, "all episodes")
     refused(page)
 
@@ -244,7 +244,7 @@ def refused(page: Page) -> None:
 def test_conditions_that_nothing_fits_leave_an_empty_page_with_a_way_back(page: Page) -> None:
     filter_by(page, "row<0")
     assert "No episode fits" in page.text("grid-state")
-    page.css("[data-testid=grid-state] button").click()
+    page.click_css("[data-testid=grid-state] button")
     page.until(lambda: shown_total(page) == N, "all episodes")
 
 
@@ -271,7 +271,7 @@ def test_a_facet_filters(page: Page, api: Callable[..., Any], column: str) -> No
     within = f'[data-testid="histogram"][data-column="{column}"]'
     last = f"{within} .bar:last-child"
     value = page.css(last).get_attribute("data-value")
-    page.css(last).click()
+    page.click_css(last)
     calm_grid(page, matching(api, f"{column}={value}"))
     assert conditions(page) == [f"{column}={value}"]
 
@@ -314,7 +314,7 @@ def select(element: Any, value: str) -> None:
 def test_sorting_reorders_and_turns_round(page: Page, api: Callable[..., Any]) -> None:
     select(page.one("sort"), "lift_height")
     calm_grid(page, matching(api, sort="lift_height"))
-    page.one("sort-direction").click()
+    page.click("sort-direction")
     wanted = matching(api, sort="-lift_height")
     calm_grid(page, wanted)
     page.driver.back()
@@ -330,7 +330,7 @@ def test_pages_turn_by_key_by_button_and_by_number(page: Page) -> None:
     page.until(lambda: focused(page) == "0:0", "the first page, and its first card has the focus")
     page.press("n")
     page.until(lambda: focused(page) == "0:60", "the second page, and its first card")
-    page.one("next-page").click()
+    page.click("next-page")
     page.until(lambda: ids(page) == [f"0:{row}" for row in range(120, N)], "the last page")
     assert not page.one("next-page").is_enabled()
     page.press("p")
@@ -399,7 +399,7 @@ def test_a_selection_survives_pages_and_a_reload_and_makes_the_dataset_of_the_sa
     page.reload()
     settled(page)
     assert page.text("select-count") == "4 selected"
-    page.one("download-ids").click()
+    page.click("download-ids")
     file = downloads / "ids.txt"
     page.until(file.exists, "the list is saved")
     assert [int(line) for line in file.read_text().split()] == wanted
@@ -425,14 +425,14 @@ def test_all_that_fit_the_filter_are_selected_as_the_server_lists_them(
     assert len(wanted) > PAGE
     filter_by(page, "lift_height>-0.5")
     page.until(lambda: page.text("select-all") == f"Select all {len(wanted)}")
-    page.one("select-all").click()
+    page.click("select-all")
     page.until(lambda: page.text("select-count") == f"{len(wanted)} selected", "all selected")
-    page.one("download-ids").click()
+    page.click("download-ids")
     file = downloads / "ids.txt"
     page.until(file.exists, "the list is saved")
     assert [f"0:{line}" for line in file.read_text().split()] == wanted
     file.unlink()
-    page.one("select-none").click()
+    page.click("select-none")
     page.until(lambda: not page.all("select-count")[0].is_displayed(), "nothing is selected")
     assert not page.driver.find_elements("css selector", "[data-testid=card][data-chosen]")
 
@@ -442,7 +442,7 @@ def test_exactly_two_can_be_compared(page: Page) -> None:
     assert not page.one("compare").is_enabled()
     page.press(keys().ARROW_RIGHT, "x")
     page.until(lambda: page.one("compare").is_enabled(), "two can be compared")
-    page.one("compare").click()
+    page.click("compare")
     page.until(lambda: page.hash.startswith("#/compare/0:0,0:1"), "the comparison")
     page.driver.back()
     settled(page)
@@ -460,21 +460,21 @@ def test_a_tag_of_many_is_there_after_a_reload_and_filters(page: Page) -> None:
     calm_grid(page, ["0:0", "0:1"])
     assert conditions(page) == ["tags=odd one"]
 
-    page.one("bulk-tag").click()
+    page.click("bulk-tag")
     page.one("bulk-tag-input").send_keys("odd one")
-    page.one("bulk-remove").click()
+    page.click("bulk-remove")
     page.until(lambda: "No episode fits" in page.text("grid-state"), "nothing has the tag")
 
 
 def test_quality_of_many_is_set(page: Page, api: Callable[..., Any]) -> None:
     page.press(keys().ARROW_RIGHT, "x", "t")
     select(page.one("bulk-quality"), "5")
-    page.one("bulk-judge").click()
+    page.click("bulk-judge")
     page.until(lambda: "Quality set" in page.text("notice"), "it says so")
     assert "0:0" in matching(api, "data_quality=5")
-    page.one("bulk-tag").click()
+    page.click("bulk-tag")
     select(page.one("bulk-quality"), "null")
-    page.one("bulk-judge").click()
+    page.click("bulk-judge")
     page.until(lambda: "0:0" in matching(api, "data_quality=1"), "the store's own is back")
 
 
@@ -489,7 +489,7 @@ def test_a_tag_that_cannot_be_is_refused_in_words(page: Page) -> None:
 def test_script_in_tags_and_object_ids_is_shown_and_does_nothing(page: Page) -> None:
     card = '[data-testid=card][data-id="0:3"]'
     assert SCRIPT in page.css(card).text
-    page.css(f"{card} input").click()
+    page.click_css(f"{card} input")
     page.press("t")
     page.one("bulk-tag-input").send_keys(SCRIPT, "\n")
     page.until(lambda: page.css(f"{card} [data-testid=tag]").text == SCRIPT, "the tag, as text")
@@ -499,7 +499,7 @@ def test_script_in_tags_and_object_ids_is_shown_and_does_nothing(page: Page) -> 
     assert not page.driver.find_elements("css selector", "img[onerror], [src=x]")
     page.press("t")
     page.one("bulk-tag-input").send_keys(SCRIPT)
-    page.one("bulk-remove").click()
+    page.click("bulk-remove")
     page.until(lambda: page.text("grid-state"), "the tag is gone")
 
 
@@ -550,7 +550,7 @@ def test_nothing_is_wider_than_the_window(
         assert box["height"] >= 24
     if size == PHONE:
         page.script("scrollTo(0, 0)")
-        page.css(".side summary").click()
+        page.click_css(".side summary")
     page.one("measurement")
     page.one("histogram-plot")
     assert page.overflow() <= 0
@@ -559,7 +559,7 @@ def test_nothing_is_wider_than_the_window(
 def test_an_unknown_address_leads_back(page: Page) -> None:
     page.go("#/nowhere")
     page.until(lambda: "no such page" in page.css("#page").text, "it says so")
-    page.css("#page a").click()
+    page.click_css("#page a")
     settled(page)
     assert shown_total(page) == N
 
@@ -643,7 +643,7 @@ def test_an_address_with_a_bad_order_says_so_and_offers_the_usual_one(page: Page
     page.go("#/?sort=-weight")
     page.until(lambda: "“weight”" in page.text("grid-state"), "the column is named")
     assert "lift_height" in page.text("grid-state")
-    page.css('[data-testid="grid-state"] button').click()
+    page.click_css('[data-testid="grid-state"] button')
     page.one("card")
     assert "sort" not in page.hash
     assert [line for line in page.trouble() if "400" not in line] == []

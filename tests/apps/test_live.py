@@ -22,7 +22,6 @@ from support.fake_episodes import make_episode, make_rows, small_config
 from support.helpers import assert_same_tree
 from support.live_run import SMALL, running
 
-from grasp_factory.apps import browse
 from grasp_factory.apps.live.alarms import (
     AGAIN_S,
     ALARM_CHECKS,
@@ -576,7 +575,7 @@ class TestTheOptions:
     def test_say_what_is_missing_before_anything_is_made(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(browse, "find_spec", lambda name: None)
+        monkeypatch.setattr("grasp_factory.core.optional.find_spec", lambda name: None)
         with pytest.raises(UsageError, match=r"flask.*pip install 'grasp-factory\[browse\]'"):
             live_view(None, quiet=False)
 

@@ -24,7 +24,6 @@ from matplotlib.text import Text
 from support.fake_episodes import JOINTS, make_rows, small_config
 from support.places import TINY
 
-from grasp_factory.apps.pictures import plot
 from grasp_factory.apps.pictures.painting import depth_span
 from grasp_factory.apps.pictures.plot import look, plot_episode
 from grasp_factory.apps.pictures.plot.figure import Subject, facts, figure_of, pixels_of
@@ -340,7 +339,7 @@ class TestPicture:
     def test_without_matplotlib_it_says_what_to_install(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(plot, "find_spec", lambda name: None)
+        monkeypatch.setattr("grasp_factory.core.optional.find_spec", lambda name: None)
         with pytest.raises(UsageError, match=r"pip install 'grasp-factory\[plot\]'"):
             plot_episode(DATASET, 0)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import errno
 import json
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -153,7 +152,7 @@ class TestARunThatIsStopped:
         generate(CONFIG, 10, whole, workers=1)
         assert_same_tree(out, whole)
 
-    def test_by_a_bug_quarantines_the_episode_and_says_where_it_was(
+    def test_by_a_bug_quarantines_the_episode_and_says_which_error_it_was(
         self, out: Path, fake: Callable[[Simulate], None]
     ) -> None:
         def breaks(world: World, spec: EpisodeSpec) -> Episode:
@@ -163,10 +162,7 @@ class TestARunThatIsStopped:
         assert generate(CONFIG, 8, out, workers=1, max_failures=1.0).store.quarantined == 3
         dataset = Dataset.open(out)
         assert dataset.committed.tolist() == [0, 1, 2, 3, 4]
-        assert re.fullmatch(
-            r"ZeroDivisionError: division by zero \(test_factory\.py:[0-9]+\)",
-            dataset.column("error")[6],
-        )
+        assert dataset.column("error")[6] == "ZeroDivisionError: division by zero"
         assert dataset.spec(6) == sample_spec(CONFIG, 6)
 
     def test_lets_the_store_go(self, out: Path) -> None:

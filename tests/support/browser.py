@@ -106,6 +106,23 @@ class Page:
 
         return self.until(shown, f"{selector} shows")
 
+    def click(self, testid: str) -> None:
+        """Click the first element with a data-testid, once it shows."""
+        self.click_css(f'[data-testid="{testid}"]')
+
+    def click_css(self, selector: str) -> None:
+        """Click the first element of a CSS selector, once it shows.
+
+        The page may replace the element between the look and the click: then it is looked for
+        again.
+        """
+
+        def clicked() -> bool:
+            self.css(selector).click()
+            return True
+
+        self.until(clicked, f"{selector} is clicked")
+
     def text(self, testid: str) -> str:
         """Return the text of an element."""
         return str(self.one(testid).text)
