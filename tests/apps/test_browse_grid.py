@@ -130,6 +130,16 @@ def bar(page: Page, column: str, value: str) -> Any:
     return page.css(f'{within} [data-testid="histogram-bar"][data-value="{value}"]')
 
 
+def press_bar(page: Page, column: str, value: str) -> None:
+    """Click a bar, which the page may replace until its numbers are there."""
+
+    def pressed() -> bool:
+        bar(page, column, value).click()
+        return True
+
+    page.until(pressed, f"the bar {column}={value} is clicked")
+
+
 def matching(api: Callable[..., Any], *where: str, sort: str = "") -> list[str]:
     return list(api("api/ids", where=where, sort=sort)["ids"])
 
@@ -252,17 +262,18 @@ def test_a_bar_of_outcomes_filters_and_a_second_one_adds_to_it(
     page: Page, api: Callable[..., Any]
 ) -> None:
     bars = api("api/histogram", column="outcome")["bars"]
-    assert bars[0]["count"] == int(bar(page, "outcome", bars[0]["value"]).text.split()[-1])
-    bar(page, "outcome", "success").click()
+    shown = page.until(lambda: bar(page, "outcome", bars[0]["value"]).text, "the bar has a number")
+    assert bars[0]["count"] == int(shown.split()[-1])
+    press_bar(page, "outcome", "success")
     calm_grid(page, matching(api, "outcome=success"))
     page.until(lambda: page.text("success-rate").startswith("100.0 %"), "the success rate")
-    bar(page, "outcome", "collision").click()
+    press_bar(page, "outcome", "collision")
     calm_grid(page, matching(api, "outcome=[success,collision]"))
     page.until(
         lambda: bar(page, "outcome", "success").get_attribute("aria-pressed") == "true",
         "the bar is pressed",
     )
-    bar(page, "outcome", "success").click()
+    press_bar(page, "outcome", "success")
     calm_grid(page, matching(api, "outcome=collision"))
 
 
@@ -456,7 +467,7 @@ def test_a_tag_of_many_is_there_after_a_reload_and_filters(page: Page) -> None:
     settled(page)
     tagged = '[data-testid=card][data-id="0:{}"] [data-testid=tag]'
     assert [page.css(tagged.format(row)).text for row in (0, 1)] == ["odd one", "odd one"]
-    bar(page, "tags", "odd one").click()
+    press_bar(page, "tags", "odd one")
     calm_grid(page, ["0:0", "0:1"])
     assert conditions(page) == ["tags=odd one"]
 
@@ -493,7 +504,7 @@ def test_script_in_tags_and_object_ids_is_shown_and_does_nothing(page: Page) -> 
     page.press("t")
     page.one("bulk-tag-input").send_keys(SCRIPT, "\n")
     page.until(lambda: page.css(f"{card} [data-testid=tag]").text == SCRIPT, "the tag, as text")
-    bar(page, "tags", SCRIPT).click()
+    press_bar(page, "tags", SCRIPT)
     page.until(lambda: ids(page) == ["0:3"], "the episode with the tag")
     assert page.text("filter-chip").startswith(f"tags={SCRIPT}")
     assert not page.driver.find_elements("css selector", "img[onerror], [src=x]")
