@@ -52,7 +52,9 @@ from grasp_factory.factory.generate import generate
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr import chunks, segment_packing
 from grasp_factory.writers.zarr.column_segments import FOLDER
+from grasp_factory.writers.zarr.encoding import packed_shard
 from grasp_factory.writers.zarr.label_columns import added_labels
+from grasp_factory.writers.zarr.layout import ZSTD_LEVEL
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
@@ -526,6 +528,19 @@ def test_an_outcome_that_the_streams_do_not_give_is_named(
     ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
     arrays = {problem.array for problem in verify(copy).problems}
     assert {"episodes/outcome", "streams/reward"} <= arrays
+
+
+@pytest.mark.parametrize("place", [0, 1, -1])
+def test_a_value_in_the_padding_is_named(copy: Path, place: int) -> None:
+    path, dataset = "streams/gripper_width", Dataset.open(copy)
+    i, size = int(dataset.committed[0]), CONFIG.block_size
+    start, n_steps = i // size * size, int(dataset.value(i, "n_steps"))
+    series = np.array(dataset.arrays()[path][start : start + size])
+    series[i - start, n_steps:][place] = 0.05
+    file = copy / path / f"{i // size}.0"
+    file.write_bytes(packed_shard(list(series), size, ZSTD_LEVEL))
+    problems = verify(copy).problems
+    assert [(problem.episode, problem.array) for problem in problems] == [(i, path)]
 
 
 CAMERA: dict[str, tuple[str, Any]] = {
