@@ -118,10 +118,12 @@ class TestApply:
         np.testing.assert_array_equal(a.specific_force, b.specific_force)
         np.testing.assert_array_equal(b.angular_velocity, 0.0)
 
-    def test_the_gyroscope_has_other_noise_than_the_accelerometer(self) -> None:
-        alike, nothing = both(noise_density=(1.0, 1.0, 1.0)), np.zeros((9, 3))
-        shown = apply_imu_noise(alike, nothing, nothing, 400.0, 5)
-        assert (shown.specific_force != shown.angular_velocity).all()
+    def test_each_kind_of_noise_has_its_own_random_numbers(self) -> None:
+        nothing = np.zeros((1, 3))
+        kinds = ({"turn_on_bias": 1.0}, {"noise_density": (1.0, 1.0, 1.0)}, {"bias_walk": 1.0})
+        shown = [apply_imu_noise(both(**kind), nothing, nothing, 1.0, 5) for kind in kinds]
+        numbers = np.concatenate([np.ravel(reading) for reading in shown])
+        assert len(np.unique(numbers)) == len(numbers) == 18
 
     @given(SEEDS)
     def test_an_ideal_imu_shows_the_signal(self, seed: int) -> None:

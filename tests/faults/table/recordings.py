@@ -62,10 +62,10 @@ FAULTS = (
         ("signals/test_imu_noise.py",),
     ),
     Fault(
-        "imu-triads-share-a-seed",
+        "imu-noises-share-a-seed",
         "signals/imu_noise.py",
-        "np.asarray(angular_velocity, np.float64), rate_hz, theirs)",
-        "np.asarray(angular_velocity, np.float64), rate_hz, ours)",
+        "np.random.default_rng(child) for child in seeds.spawn(3)",
+        "np.random.default_rng(child) for child in [seeds] * 3",
         ("signals/test_imu_noise.py",),
     ),
     Fault(
