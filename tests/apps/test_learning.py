@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, average_precision_score, roc_auc_score
 
 from grasp_factory import FactoryConfig, generate
-from grasp_factory.apps.learning.comparison import Course, compare, read_splits, train_on
+from grasp_factory.apps.learning.comparison import Course, Splits, compare, read_splits, train_on
 from grasp_factory.apps.learning.curve import Steps, learning_curve
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
 from grasp_factory.apps.learning.report import report_of, training_report_text
@@ -261,6 +262,17 @@ def test_shuffled_labels_teach_nothing_and_real_ones_do(stores: tuple[Path, Path
     noise = 3.0 * max(spread, shuffled.std()) / math.sqrt(len(shuffled))
     assert abs(shuffled.mean() - 0.5) < noise, shuffled
     assert taught(None) > shuffled.max() + spread
+
+
+def test_held_out_episodes_have_no_part_in_training() -> None:
+    course = Course(kinds=("vision",), settings=QUICK, crop=CROP)
+    dataset: Any = SimpleNamespace(config=FactoryConfig())
+
+    def trained(test: Examples) -> bytes:
+        splits = Splits(train=made_up(100, 0), val=made_up(60, 1), test=test)
+        return save_model(train_on(splits, "vision", course, dataset).model)
+
+    assert trained(made_up(60, 2)) == trained(made_up(60, 3).take(slice(0, 40)))
 
 
 def test_touch_is_judged_on_what_got_to_the_lift(stores: tuple[Path, Path]) -> None:
