@@ -325,7 +325,7 @@ def test_a_model_that_is_lost_while_blocks_are_made_is_no_episodes_fault(
     made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = config_of(model_registry.keep(tiny_model(7)))
-    monkeypatch.setattr("grasp_factory.factory.generate.find_model", lambda sha256: None)
+    monkeypatch.setattr("grasp_factory.factory.name_check.find_model", lambda sha256: None)
     shutil.rmtree(cache_dir())
     monkeypatch.setattr("grasp_factory.factory.embedded_assets.packed", lambda config: {})
     with pytest.raises(ConfigError, match="has no trained model"):
