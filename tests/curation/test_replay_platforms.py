@@ -124,7 +124,7 @@ class TestOtherBytes:
         text = replay_text(result)
         assert "10 of 1536 pixels differ (0.7 %)" in text
         assert "3 mm and 0 degrees at the end" in text
-        assert text.index("first difference: cameras/front/rgb: 10 of") < text.index("how far")
+        assert text.index("first difference: cameras/front/rgb: 10 of") < text.index("compared")
 
     def test_are_told_as_json(self, store: Path, run: Any) -> None:
         code, out, _ = run("replay", store, attempt(store), "--json")
