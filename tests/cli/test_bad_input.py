@@ -258,7 +258,7 @@ def test_any_words_after_another_command_are_taken_or_refused(
 @given(st.binary(max_size=400))
 def test_a_lock_file_of_any_content_is_a_lock_or_is_left_alone(content: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        lock = Path(folder) / ".a.zarr.grasp-generate.lock"
+        lock = Path(folder) / ".a.zarr.grasp-factory.lock"
         lock.write_bytes(content)
         try:
             with warnings.catch_warnings(), StoreLock(Path(folder) / "a.zarr"):
