@@ -101,7 +101,7 @@ def flywheel(
     from grasp_factory.apps.active_learning import FlywheelSettings, run_rounds
     from grasp_factory.apps.active_learning.journal import FILE
     from grasp_factory.apps.active_learning.text import flywheel_text
-    from grasp_factory.cli.progress import watched
+    from grasp_factory.cli.bars import watched
     from grasp_factory.cli.run_progress import make
 
     request = request_from(**options)

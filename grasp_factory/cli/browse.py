@@ -77,7 +77,7 @@ def browse(
     from grasp_factory.apps.browse.app import create_app
     from grasp_factory.apps.browse.serving import Server, address, is_loopback, listen, own_names
     from grasp_factory.apps.browse.thumbnails import Thumbnails
-    from grasp_factory.cli.progress import counted
+    from grasp_factory.cli.bars import counted
     from grasp_factory.dataset.index import fresh
 
     token = "" if read_only else secrets.token_urlsafe(24)

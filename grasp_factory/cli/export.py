@@ -17,7 +17,7 @@ from grasp_factory.core.text_format import count, size_text, table
 from grasp_factory.errors import UsageError, lookup, shown
 
 if TYPE_CHECKING:
-    from grasp_factory.writers.exporters.run import Exported
+    from grasp_factory.writers.exporters.exporting import Exported
 
 
 @click.command(
@@ -64,9 +64,9 @@ def export(
             "export needs PATH, OUT and --format; `grasp-factory export` lists the formats"
         )
     exporter = lookup(EXPORTERS, "format", name)
-    from grasp_factory.cli.progress import Counter
+    from grasp_factory.cli.bars import Counter
     from grasp_factory.dataset.dataset import Dataset
-    from grasp_factory.writers.exporters.run import run_export
+    from grasp_factory.writers.exporters.exporting import run_export
 
     dataset = Dataset.open(path, checked=True)
     chosen = chosen_rows(dataset, **rows)

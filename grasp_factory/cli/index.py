@@ -36,7 +36,7 @@ def index(paths: tuple[Path, ...], out: Path | None, as_json: bool) -> None:
     Writes an SQLite file with a row for each episode of the stores at PATH, for `query` and
     `browse`. It holds only what is in the stores, so it can be deleted and built again at any time.
     """
-    from grasp_factory.cli.progress import counted
+    from grasp_factory.cli.bars import counted
     from grasp_factory.core.text_format import count, size_text
     from grasp_factory.dataset.index import build, default_path
 

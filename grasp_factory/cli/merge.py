@@ -44,7 +44,7 @@ def merge(
     concatenated. Only the seed may differ between their configs. OUT must not exist; it appears
     when every episode has been read back and compared.
     """
-    from grasp_factory.cli.progress import counted
+    from grasp_factory.cli.bars import counted
     from grasp_factory.curation.merge import merge as run
 
     with counted("on_row") as hooks:
@@ -71,7 +71,7 @@ def split(path: Path, out: Path, *, as_json: bool, **options: Any) -> None:
     Copies the episodes of the store at PATH that all options choose, in ascending order. OUT must
     not exist; it appears when every episode has been read back and compared.
     """
-    from grasp_factory.cli.progress import counted
+    from grasp_factory.cli.bars import counted
     from grasp_factory.curation.merge import split as run
     from grasp_factory.dataset.dataset import Dataset
 

@@ -145,7 +145,7 @@ def preview(out: Path, n: int, **options: Any) -> None:
     """
     from grasp_factory.apps.pictures.preview import draw_preview
     from grasp_factory.apps.pictures.sheet import check_png, write_png
-    from grasp_factory.cli.progress import Counter
+    from grasp_factory.cli.bars import Counter
 
     check_png(out)
     config = request_from(**options).config

@@ -98,7 +98,7 @@ def query(
     Prints the episodes of the stores at PATH, or of an index file, for which all conditions hold.
     Builds the index if it does not exist, and updates it otherwise.
     """
-    from grasp_factory.cli.progress import counted
+    from grasp_factory.cli.bars import counted
     from grasp_factory.dataset.index import Query, fresh
 
     if "help" in where:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.serialization import from_plain, to_plain
 
 if TYPE_CHECKING:

@@ -148,7 +148,7 @@ def _plan(path: Path, index: int, video: Path, given: dict[str, Any]) -> VideoPl
 def _write(plan: VideoPlan) -> WrittenVideo:
     """Write a video and show a progress bar."""
     from grasp_factory.apps.playback.playback import write_video
-    from grasp_factory.cli.progress import watched
+    from grasp_factory.cli.bars import watched
 
     with watched("frame", len(plan.times)) as count:
         return write_video(plan, count)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 from tqdm import tqdm  # type: ignore[import-untyped]
 
-from grasp_factory.cli.progress import Counter
+from grasp_factory.cli.bars import Counter
 from grasp_factory.cli.run_report import plan_text
 from grasp_factory.core.text_format import percent
 from grasp_factory.dataset.dataset import Dataset

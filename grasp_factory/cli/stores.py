@@ -72,7 +72,7 @@ def verify(
     its arrays must follow. Changes nothing. Exits with 0 if there is no problem, and with 1 after
     it has listed all problems.
     """
-    from grasp_factory.cli.progress import counted
+    from grasp_factory.cli.bars import counted
     from grasp_factory.curation.verify import verify as run
 
     with counted("on_episode") as hooks:
@@ -108,7 +108,7 @@ def repair(
     Runs `verify` on the store at PATH and makes what is damaged or missing again, from the stored
     config and recipes. Undamaged episodes stay as they are. Exits with 0 if no problem is left.
     """
-    from grasp_factory.cli.progress import counted
+    from grasp_factory.cli.bars import counted
     from grasp_factory.curation.repair import repair as run
 
     with counted("on_episode") as hooks:

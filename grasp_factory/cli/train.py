@@ -98,7 +98,7 @@ def train(
     from grasp_factory.apps.learning import plots
     from grasp_factory.apps.learning.comparison import Course, compare
     from grasp_factory.apps.learning.report import report_of, training_report_text
-    from grasp_factory.cli.progress import watched
+    from grasp_factory.cli.bars import watched
     from grasp_factory.policies.networks import save_model
 
     settings, noise = _settings(options), options["noise"]
@@ -188,7 +188,7 @@ def learning_curve(
     from grasp_factory.apps.learning.comparison import Course
     from grasp_factory.apps.learning.curve import Steps, curve_text
     from grasp_factory.apps.learning.curve import learning_curve as measure
-    from grasp_factory.cli.progress import watched
+    from grasp_factory.cli.bars import watched
     from grasp_factory.core.serialization import to_plain
 
     settings, noise = _settings(options), options["noise"]

@@ -12,15 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.appearance import Color, Surroundings
+from grasp_factory.core.config.cameras import CameraConfig
+from grasp_factory.core.config.label import LabelConfig
+from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.config.quality import QualityConfig
-from grasp_factory.core.config.sections import (
-    CameraConfig,
-    LabelConfig,
-    MotionConfig,
-    ShakeConfig,
-    WorkspaceConfig,
-)
+from grasp_factory.core.config.scene import WorkspaceConfig
+from grasp_factory.core.config.shake import ShakeConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.geometry import Array, Pose
 from grasp_factory.core.gripper import Gripper

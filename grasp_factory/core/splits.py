@@ -5,10 +5,14 @@ from __future__ import annotations
 import hashlib
 
 SPLITS = ("train", "val", "test")
-"""80, 10 and 10 % of all objects."""
+TRAIN_SHARE = 0.8
+VAL_SHARE = 0.1
+"""Shares of all objects; the rest is ``test``."""
 
 
 def split_of(key: str) -> str:
     """Return the split of the object that goes by a key; it stays when a set grows."""
     share = int.from_bytes(hashlib.sha256(key.encode()).digest()[:8]) / 2**64
-    return "train" if share < 0.8 else "val" if share < 0.9 else "test"
+    if share < TRAIN_SHARE:
+        return "train"
+    return "val" if share < TRAIN_SHARE + VAL_SHARE else "test"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Outcome, Phase
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.dataset import Dataset

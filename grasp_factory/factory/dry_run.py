@@ -23,7 +23,7 @@ from grasp_factory.factory.pilot_blocks import (
     relative_error,
     run_pilot_blocks,
 )
-from grasp_factory.factory.resume import check_platform
+from grasp_factory.factory.platform_check import check_platform
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.world.connection import check_renderer
 from grasp_factory.writers.zarr.store import check_place, missing_rows

@@ -23,7 +23,7 @@ from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made, sh
 from grasp_factory.factory.block_maker import BlockMaker
 from grasp_factory.factory.executors import ProcessExecutor, make_executor
 from grasp_factory.factory.name_check import check_names
-from grasp_factory.factory.resume import check_platform, warn_of_other_versions
+from grasp_factory.factory.platform_check import check_platform, warn_of_other_versions
 from grasp_factory.factory.retry_policy import Failures, Losses
 from grasp_factory.factory.run_log import RunLog
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sections import MAX_CLOSING_STROKE, SLOWEST_FINGERS
+from grasp_factory.core.config.motion import MAX_CLOSING_STROKE, SLOWEST_FINGERS
 from grasp_factory.core.serialization import check
 from grasp_factory.errors import lookup
 from grasp_factory.objects import OBJECT_SETS, check_splits, find_set

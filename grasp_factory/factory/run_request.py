@@ -13,13 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
-from grasp_factory.core.config.yaml_loader import parse_yaml
 from grasp_factory.core.serialization import check, check_range, is_integer, sections_of, to_plain
 from grasp_factory.errors import ConfigError, did_you_mean, lookup, shown
 
@@ -27,6 +24,7 @@ MAX_EPISODES = 1_000_000
 MAX_WORKERS = 512
 MAX_SHARDS = 10_000
 EPISODE_TIMEOUT_S = 600.0
+"""A worker that makes one episode for longer is killed; see ``retry_policy.Losses.silence``."""
 MAX_FAILURES = 0.25
 OPEN_TABLE = "policy_parameters"
 """A table of tables that may be missing: an assignment may add one, whose keys have defaults."""
@@ -112,6 +110,8 @@ class Request:
 
     def to_yaml(self) -> str:
         """Return the settings as YAML, ready to be a config file."""
+        import yaml  # noqa: PLC0415 -- late: it takes a tenth of the time of `--help`
+
         run = {key: getattr(self, key) for key in RUN_KEYS}
         run |= {"out": str(self.out), "shard": str(self.shard)}
         return yaml.safe_dump(
@@ -199,6 +199,8 @@ def _spelled_out(key: str, value: Any) -> Any:
 
 
 def _assign(settings: dict[str, Any], text: str) -> None:
+    from grasp_factory.core.config.yaml_loader import parse_yaml  # noqa: PLC0415
+
     key, equals, value = text.partition("=")
     path = key.strip().split(".")
     if not equals or not all(path):

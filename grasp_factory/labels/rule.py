@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Label, Outcome, Phase
 from grasp_factory.core.episode import Streams
 from grasp_factory.core.geometry import Array, apply, inverse, pose_matrices, rotation_vector

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from grasp_factory.core.config.sections import SHORTEST_CYCLE, STANDARD_GRAVITY, ShakeConfig
+from grasp_factory.core.config.shake import SHORTEST_CYCLE, STANDARD_GRAVITY, ShakeConfig
 from grasp_factory.core.elementary import sincos
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.linear import product, solve_definite

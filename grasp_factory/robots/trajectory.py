@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.core.config.sections import (
+from grasp_factory.core.config.motion import (
     MAX_STRETCH,
     MAX_TRANSFER_S,
     PEAK_OVER_MEAN,

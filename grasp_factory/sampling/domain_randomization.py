@@ -12,6 +12,8 @@ import numpy as np
 
 from grasp_factory.core.appearance import Color, SurfaceAppearance, Surroundings
 from grasp_factory.core.camera import Light
+from grasp_factory.core.config.cameras import CameraConfig, Mount
+from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.randomization import (
     BodyRange,
     CameraJitter,
@@ -19,7 +21,6 @@ from grasp_factory.core.config.randomization import (
     GripperRange,
     LooksConfig,
 )
-from grasp_factory.core.config.sections import CameraConfig, MotionConfig, Mount
 from grasp_factory.core.elementary import exp, log, sincos
 from grasp_factory.core.geometry import look_at, rotation_about
 from grasp_factory.core.linear import turned

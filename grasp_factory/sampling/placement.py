@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp_factory.core.config.sections import WorkspaceConfig
+from grasp_factory.core.config.scene import WorkspaceConfig
 from grasp_factory.core.elementary import normal, sincos
 from grasp_factory.core.geometry import Array, Pose, quat_xyzw_to_matrix
 from grasp_factory.core.linear import norm, turned

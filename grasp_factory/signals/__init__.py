@@ -5,8 +5,8 @@ Pure functions on the arrays of an ``Episode``: no simulator and no store.
 
 from __future__ import annotations
 
-from grasp_factory.signals.imu_noise import BMI088, ImuNoise, ImuReading, TriadNoise, bmi088
-from grasp_factory.signals.imu_noise import apply as apply_imu_noise
+from grasp_factory.signals.noise.imu import BMI088, ImuNoise, ImuReading, TriadNoise, bmi088
+from grasp_factory.signals.noise.imu import apply as apply_imu_noise
 from grasp_factory.signals.sample_sets import TimeSets, approximate_time
 from grasp_factory.signals.timeline import Aligned, interpolate_poses, linear, nearest, slerp
 from grasp_factory.signals.touch import (

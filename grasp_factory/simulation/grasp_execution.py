@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.config.motion import CLOSING_SETTLE_S
 from grasp_factory.core.config.physics import Stepping
-from grasp_factory.core.config.sections import CLOSING_SETTLE_S
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.sensors import SENSORS, STREAMS
 from grasp_factory.robots.shake import plan_shake

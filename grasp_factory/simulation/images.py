@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.camera import Camera, Intrinsics, Light, zbuffer_to_depth
-from grasp_factory.core.config.sections import CameraConfig
+from grasp_factory.core.config.cameras import CameraConfig
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import CameraImage
 from grasp_factory.core.geometry import Array, look_at

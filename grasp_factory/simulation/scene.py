@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.camera import Camera
-from grasp_factory.core.config.sections import WorkspaceConfig
+from grasp_factory.core.config.scene import WorkspaceConfig
 from grasp_factory.core.elementary import arccos
 from grasp_factory.core.enums import Label, Outcome
 from grasp_factory.core.episode import CameraImage, EpisodeSpec, ObjectSpec, SceneView

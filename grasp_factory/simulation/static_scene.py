@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from grasp_factory.core.appearance import Surroundings
 from grasp_factory.core.camera import Camera
-from grasp_factory.core.config.sections import CameraConfig, Mount
+from grasp_factory.core.config.cameras import CameraConfig, Mount
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.geometry import IDENTITY
 from grasp_factory.core.workspace import TABLE_CENTER_XY, TABLE_HEIGHT, TABLE_SIZE

@@ -35,7 +35,7 @@ from grasp_factory.apps.card.readme import size_category
 from grasp_factory.apps.pictures.painting import GREEN, RED
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Outcome, names
 from grasp_factory.curation.merge import merge
 from grasp_factory.curation.relabel import relabel

@@ -46,7 +46,7 @@ OWNERS = {
     "sqlite3": {"dataset/index"},
     "trimesh": {"objects/importing", "simulation/make_link_hulls.py"},
     "coacd": {"objects/importing"},
-    "tqdm": {"cli/progress.py", "cli/run_progress.py"},
+    "tqdm": {"cli/bars.py", "cli/run_progress.py"},
     "multiprocessing": {"factory/executors"},
     "torch": {"apps/learning", "policies/networks", "torch.py"},
     "rerun": {"apps/rerun"},

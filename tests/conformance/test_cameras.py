@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from grasp_factory.core.camera import Intrinsics, project
-from grasp_factory.core.config.cameras import CAMERAS
-from grasp_factory.core.config.sections import CameraConfig, Mount, WorkspaceConfig
+from grasp_factory.core.config.cameras import CAMERAS, CameraConfig, Mount
+from grasp_factory.core.config.scene import WorkspaceConfig
 from grasp_factory.core.geometry import Array, apply, inverse, look_at
 from grasp_factory.robots import ROBOTS
 

@@ -15,7 +15,7 @@ from support.exporters import IMAGES, LINES
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError
 from grasp_factory.writers.exporters import EXPORTERS, Exporter
-from grasp_factory.writers.exporters.run import run_export
+from grasp_factory.writers.exporters.exporting import run_export
 
 ALL = {**EXPORTERS, "lines of the tests": LINES, "images of the tests": IMAGES}
 

@@ -20,7 +20,7 @@ import pytest
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig, Stepping
-from grasp_factory.core.config.sections import WorkspaceConfig
+from grasp_factory.core.config.scene import WorkspaceConfig
 from grasp_factory.core.geometry import Pose, inverse
 from grasp_factory.errors import ConfigError
 from grasp_factory.factory.name_check import check_names

@@ -15,8 +15,9 @@ import yaml
 from support.fake_episodes import make_spec, small_config
 
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.label import LabelConfig
+from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
-from grasp_factory.core.config.sections import LabelConfig, MotionConfig
 from grasp_factory.core.config.yaml_loader import parse_yaml, read_yaml
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.errors import ConfigError

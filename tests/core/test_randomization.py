@@ -13,7 +13,7 @@ from grasp_factory.core.appearance import Surroundings
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS, RandomizeConfig
-from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.config.scene import ClutterConfig
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.textures import TEXTURES

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from grasp_factory.core import schema
+from grasp_factory.core.config.cameras import CameraConfig
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sections import CameraConfig, ClutterConfig
+from grasp_factory.core.config.scene import ClutterConfig
 from grasp_factory.core.enums import Label, Outcome, Phase, names
 from grasp_factory.core.episode import CameraFrames
 from grasp_factory.core.schema import FIELDS, Field, expand, markdown_table, shape, sizes

@@ -29,7 +29,7 @@ from support.stored import old_store
 
 from grasp_factory.core.atomic_file import write_atomic
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.platforms import FINGERPRINT, Fingerprint
 from grasp_factory.curation.merge import Collected, building, merge, split

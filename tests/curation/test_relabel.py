@@ -13,7 +13,7 @@ from support.helpers import tree
 from support.scenes import default_episodes
 
 from grasp_factory.cli.relabel import relabel as command
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.curation.relabel import relabel
 from grasp_factory.dataset.dataset import Dataset

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Label, Outcome, Phase
 from grasp_factory.core.geometry import Array, Pose, rotation_about, transform
 from grasp_factory.core.schema import MAX_CONTACTS

@@ -22,7 +22,7 @@ from support.views import (
 )
 
 from grasp_factory.core.camera import project
-from grasp_factory.core.config.sections import CameraConfig
+from grasp_factory.core.config.cameras import CameraConfig
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import Grasp
 from grasp_factory.core.geometry import (

@@ -6,27 +6,27 @@ import dataclasses
 
 import pytest
 
-from grasp_factory.core.config import sections
-from grasp_factory.core.config.sections import MotionConfig
+from grasp_factory.core.config import motion
+from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.robots import ROBOTS, RobotModel
 
 # `core` may not import the table of robots, so it has bounds of its own, and these are the tests.
-SECTIONS = "core/config/sections.py"
+PLACE = "core/config/motion.py"
 
 
 def too_slow(model: RobotModel) -> list[str]:
     """Return what to change for a robot whose gripper may close longer than streams are."""
     gripper, out = model.gripper, []
     stroke = gripper.max_width / 2.0
-    if stroke > sections.MAX_CLOSING_STROKE:
+    if stroke > motion.MAX_CLOSING_STROKE:
         out.append(
             f"{model.name}: a finger travels {stroke} m, MAX_CLOSING_STROKE is"
-            f" {sections.MAX_CLOSING_STROKE} m: raise MAX_CLOSING_STROKE in {SECTIONS} to {stroke}"
+            f" {motion.MAX_CLOSING_STROKE} m: raise MAX_CLOSING_STROKE in {PLACE} to {stroke}"
         )
-    if gripper.max_finger_speed < sections.SLOWEST_FINGERS:
+    if gripper.max_finger_speed < motion.SLOWEST_FINGERS:
         out.append(
             f"{model.name}: its fingers reach {gripper.max_finger_speed} m/s, SLOWEST_FINGERS is"
-            f" {sections.SLOWEST_FINGERS} m/s: lower SLOWEST_FINGERS in {SECTIONS} to"
+            f" {motion.SLOWEST_FINGERS} m/s: lower SLOWEST_FINGERS in {PLACE} to"
             f" {gripper.max_finger_speed}"
         )
     return out
@@ -43,7 +43,7 @@ def test_it_closes_within_the_bound_of_the_config(name: str, closing_speed: floa
     gripper = ROBOTS[name].gripper
     longest = gripper.max_width / 2.0 / min(closing_speed, gripper.max_finger_speed)
     bound = MotionConfig(closing_speed=closing_speed).longest_close_s
-    assert longest + sections.CLOSING_SETTLE_S <= bound
+    assert longest + motion.CLOSING_SETTLE_S <= bound
 
 
 def test_a_wide_or_slow_gripper_is_named_with_the_constant_to_change() -> None:
@@ -51,5 +51,5 @@ def test_a_wide_or_slow_gripper_is_named_with_the_constant_to_change() -> None:
     gripper = dataclasses.replace(model.gripper, max_width=0.2, max_finger_speed=0.01)
     wide, slow = too_slow(dataclasses.replace(model, gripper=gripper))
     assert wide.startswith("panda: ")
-    assert "raise MAX_CLOSING_STROKE in core/config/sections.py to 0.1" in wide
-    assert "lower SLOWEST_FINGERS in core/config/sections.py to 0.01" in slow
+    assert "raise MAX_CLOSING_STROKE in core/config/motion.py to 0.1" in wide
+    assert "lower SLOWEST_FINGERS in core/config/motion.py to 0.01" in slow

@@ -9,8 +9,10 @@ import pytest
 from support.scenes import SMALL, cube_spec
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.label import LabelConfig
+from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PhysicsConfig
-from grasp_factory.core.config.sections import LabelConfig, MotionConfig, ShakeConfig
+from grasp_factory.core.config.shake import ShakeConfig
 from grasp_factory.core.enums import Outcome, Phase
 from grasp_factory.errors import ConfigError
 from grasp_factory.robots import ROBOTS, arm_chain

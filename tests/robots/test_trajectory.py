@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sections import (
+from grasp_factory.core.config.label import LabelConfig
+from grasp_factory.core.config.motion import (
     MAX_STRETCH,
     MAX_TRANSFER_S,
     PEAK_OVER_MEAN,
     SHORTEST_MOTION_S,
-    LabelConfig,
     MotionConfig,
-    ShakeConfig,
-    WorkspaceConfig,
 )
+from grasp_factory.core.config.scene import WorkspaceConfig
+from grasp_factory.core.config.shake import ShakeConfig
 from grasp_factory.core.episode import Grasp
 from grasp_factory.core.geometry import Array, rotation_about, rotation_vector, transform
 from grasp_factory.robots import ROBOTS, arm_chain

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sections import MAX_OBJECTS, ClutterConfig, WorkspaceConfig
+from grasp_factory.core.config.scene import MAX_OBJECTS, ClutterConfig, WorkspaceConfig
 from grasp_factory.core.geometry import Array, apply
 from grasp_factory.objects import find_set
 from grasp_factory.sampling.placement import GAP, Placed, place_around, place_target

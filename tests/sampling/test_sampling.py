@@ -14,7 +14,7 @@ from support.scale import scaled
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
-from grasp_factory.core.config.sections import ClutterConfig, WorkspaceConfig
+from grasp_factory.core.config.scene import ClutterConfig, WorkspaceConfig
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.geometry import apply
 from grasp_factory.core.splits import SPLITS, split_of

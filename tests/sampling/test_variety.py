@@ -19,7 +19,7 @@ from support.scenes import SMALL
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
-from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.config.scene import ClutterConfig
 from grasp_factory.core.enums import Label, Outcome, Phase
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.geometry import Pose, apply

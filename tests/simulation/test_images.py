@@ -15,9 +15,10 @@ from support.worlds import world_of
 
 from grasp_factory.core.camera import deproject, project
 from grasp_factory.core.config.cameras import CAMERAS as SHIPPED
+from grasp_factory.core.config.cameras import CameraConfig
 from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
-from grasp_factory.core.config.sections import CameraConfig, ClutterConfig
+from grasp_factory.core.config.scene import ClutterConfig
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.geometry import Pose, apply, inverse

@@ -22,7 +22,7 @@ from grasp_factory.core.config.randomization import (
     LooksConfig,
     RandomizeConfig,
 )
-from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.config.scene import ClutterConfig
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import CameraImage, EpisodeSpec
 from grasp_factory.core.renderer import Renderer

@@ -13,7 +13,7 @@ import pytest
 from support.scale import scaled
 from support.scenes import SMALL, cube_spec, default_episodes
 
-from grasp_factory.core.config.sections import CameraConfig
+from grasp_factory.core.config.cameras import CameraConfig
 from grasp_factory.core.enums import Label, Outcome, Phase
 from grasp_factory.core.episode import EpisodeSpec, Grasp, GraspPlan
 from grasp_factory.errors import RecipeError

@@ -11,7 +11,7 @@ from grasp_factory.core.appearance import SurfaceAppearance, Surroundings
 from grasp_factory.core.camera import Light, deproject, project
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
-from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.config.scene import ClutterConfig
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.geometry import IDENTITY, Pose, apply, inverse

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.curation.relabel import relabel
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError

@@ -24,7 +24,7 @@ from grasp_factory.core.episode import Episode
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreError, UsageError
 from grasp_factory.writers.exporters import Exporter, ExportJob
-from grasp_factory.writers.exporters.run import Exported, run_export
+from grasp_factory.writers.exporters.exporting import Exported, run_export
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
-from grasp_factory.core.config.sections import ClutterConfig
+from grasp_factory.core.config.scene import ClutterConfig
 from grasp_factory.policies.model_registry import import_model
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.rollout import run_episode

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.core.camera import Intrinsics, deproject
-from grasp_factory.core.config.cameras import CAMERAS
-from grasp_factory.core.config.sections import CameraConfig, WorkspaceConfig
+from grasp_factory.core.config.cameras import CAMERAS, CameraConfig
+from grasp_factory.core.config.scene import WorkspaceConfig
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import CameraImage, Grasp, SceneView
 from grasp_factory.core.geometry import Array, apply, inverse, look_at, rotation_about, transform

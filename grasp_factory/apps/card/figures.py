@@ -25,7 +25,7 @@ from grasp_factory.apps.pictures.painting import (
     BgrImage,
     put_text,
 )
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Outcome, names
 from grasp_factory.core.geometry import Array
 

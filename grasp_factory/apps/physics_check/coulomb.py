@@ -6,7 +6,8 @@ import dataclasses
 
 from grasp_factory.apps.physics_check.figure import Figure, at_most
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sections import LabelConfig, ShakeConfig
+from grasp_factory.core.config.label import LabelConfig
+from grasp_factory.core.config.shake import ShakeConfig
 from grasp_factory.core.episode import EpisodeSpec, ObjectSpec
 from grasp_factory.core.geometry import Pose
 from grasp_factory.objects import OBJECT_SETS

@@ -20,8 +20,7 @@ from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.apps.playback.track import Track, phase_at
 from grasp_factory.apps.playback.video_file import check_video, nearest_fps, video_file
 from grasp_factory.core.camera import Camera
-from grasp_factory.core.config.cameras import CAMERAS
-from grasp_factory.core.config.sections import CameraConfig
+from grasp_factory.core.config.cameras import CAMERAS, CameraConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.geometry import Pose
 from grasp_factory.dataset.dataset import Dataset

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.apps.pictures.painting import label_palette
 from grasp_factory.apps.rerun.clock import poses, seconds
-from grasp_factory.core.config.sections import Mount
+from grasp_factory.core.config.cameras import Mount
 from grasp_factory.core.enums import label_names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array, Pose, look_at, pose_matrices

@@ -4,8 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 
-from grasp_factory.core.config.sections import CameraConfig, Mount
+from grasp_factory.core.serialization import check, check_range
+from grasp_factory.core.vectors import Vector3
+
+
+class Mount(Enum):
+    """What a camera is fixed to, and so the frame that its pose is given in."""
+
+    WORLD = "world"
+    TCP = "tcp"
+    """The hand: the camera moves with it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraConfig:
+    """A camera, looking from ``eye`` to ``target`` (metres, in the frame of its mount)."""
+
+    eye: Vector3
+    target: Vector3
+    up: Vector3 = (0.0, 0.0, 1.0)
+    mount: Mount = Mount.WORLD
+    """What it is fixed to."""
+    fov_y_deg: float = 45.0
+    """Vertical field of view, degrees."""
+    near: float = 0.1
+    """Clipping range in metres: a tight one keeps the z-buffer's resolution."""
+    far: float = 4.0
+
+    def __post_init__(self) -> None:
+        check_range(self, "fov_y_deg", 1.0, 170.0, "degrees")
+        check_range(self, "near", 0.001, 10.0, "m")
+        check_range(self, "far", 0.01, 100.0, "m")
+        check(self.near < self.far, "near", self.near, f"less than far ({self.far})")
+        for key in ("eye", "target"):
+            near = all(abs(x) <= 100.0 for x in getattr(self, key))
+            check(near, key, getattr(self, key), "within 100 m of the origin")
+        view = [t - e for t, e in zip(self.target, self.eye, strict=True)]
+        cross = [
+            view[1] * self.up[2] - view[2] * self.up[1],
+            view[2] * self.up[0] - view[0] * self.up[2],
+            view[0] * self.up[1] - view[1] * self.up[0],
+        ]
+        check(sum(v * v for v in cross) > 1e-12, "up", self.up, "not parallel to target - eye")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

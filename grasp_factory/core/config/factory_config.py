@@ -10,19 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.config.cameras import CAMERAS, CameraConfig
+from grasp_factory.core.config.label import LabelConfig
+from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.config.quality import QualityConfig
 from grasp_factory.core.config.randomization import RandomizeConfig
-from grasp_factory.core.config.sections import (
-    SHAKE_MOTIONS,
-    CameraConfig,
-    ClutterConfig,
-    LabelConfig,
-    MotionConfig,
-    ShakeConfig,
-    WorkspaceConfig,
-)
+from grasp_factory.core.config.scene import ClutterConfig, WorkspaceConfig
+from grasp_factory.core.config.shake import SHAKE_MOTIONS, ShakeConfig
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.renderer import Renderer
 from grasp_factory.core.sensors import series_groups

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from grasp_factory.curation.merge.building import Order, build
 from grasp_factory.curation.merge.platform_check import check_platforms
 from grasp_factory.curation.merge.provenance import (
@@ -15,10 +13,11 @@ from grasp_factory.curation.merge.provenance import (
     seed_sources,
     surroundings_difference,
 )
+from grasp_factory.curation.merge.repeat_check import check_repeats
 from grasp_factory.curation.merge.result import Collected
 from grasp_factory.curation.merge.source_store import SourceStore
 from grasp_factory.curation.merge.staged_store import StagedStore
-from grasp_factory.curation.merge.union import Union, in_place, union
+from grasp_factory.curation.merge.union import in_place, union
 from grasp_factory.errors import StoreMismatchError, UsageError
 
 
@@ -53,7 +52,7 @@ def merge(
     sources = _open(stores)
     place.check_apart(source.place for source in sources)
     found = union([source.present() for source in sources])
-    _check_repeats(sources, found)
+    check_repeats(sources, found)
     of_platforms = check_platforms(sources, accept=accept_other_platform)
     seeds = {source.config.seed for source in sources}
     is_plain = len(seeds) == 1 and not any(source.is_collected for source in sources)
@@ -101,31 +100,6 @@ def _check_generators(sources: Sequence[SourceStore]) -> None:
                         f" versions made ({found}): make one of them again, with another seed or"
                         " with those versions"
                     )
-
-
-def _check_repeats(sources: Sequence[SourceStore], found: Union) -> None:
-    """Check that rows that several stores have are the same.
-
-    One store may have quarantined an episode that another store has committed: the death of a
-    worker does not prove that the episode cannot be made.
-    """
-    left_out, kept = found.repeats
-    involved = np.unique(np.concatenate([left_out.store, kept.store])).tolist()
-    checksums = {k: sources[k].checksums() for k in involved}
-    for k in involved:
-        for twin in involved:
-            pair = np.flatnonzero((left_out.store == k) & (kept.store == twin))
-            mine = checksums[k][left_out.row[pair]]
-            alike = sources[k].status[left_out.row[pair]] == sources[twin].status[kept.row[pair]]
-            other = alike & (mine != checksums[twin][kept.row[pair]])
-            if other.any():
-                bad = left_out[pair[other][:1]]
-                raise StoreMismatchError(
-                    f"episode {bad.index[0]} of seed {bad.seed[0]} is not the same in"
-                    f" {sources[twin].path} and {sources[k].path}: `grasp-factory verify` says"
-                    " whether one is damaged; if none is, they come from two platforms: leave one"
-                    " of these stores out"
-                )
 
 
 def _warnings(sources: Sequence[SourceStore]) -> Iterable[str]:

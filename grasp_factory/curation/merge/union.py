@@ -1,4 +1,7 @@
-"""The mapping from rows of the source stores to rows of the result, as arrays of numbers."""
+"""The mapping from rows of the source stores to rows of the result, as arrays of numbers.
+
+Of episodes that several stores have, one stays. ``repeat_check`` refuses those that differ.
+"""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from grasp_factory.core.config.sections import LabelConfig
+from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.os_errors import saying_how_to_go_on
 from grasp_factory.core.serialization import from_plain
 from grasp_factory.curation.relabel import relabel

@@ -19,7 +19,8 @@ Recover = Callable[[J, str], J]
 Silence = Callable[[Any], float]
 """``silence(message)`` returns for how many seconds a worker may be silent after a message.
 
-The message is None when a worker begins a job. A worker that is silent for longer is lost."""
+The message is None when a worker begins a job. A worker that is silent for longer is lost.
+The seconds come from ``retry_policy`` and, for an episode, from ``run_request``."""
 
 
 def give_up(job: Any, why: str) -> Any:

@@ -14,8 +14,8 @@ from grasp_factory.core.episode import CameraFrames, Episode, Streams
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import UsageError, shown
-from grasp_factory.signals import apply_imu_noise
 from grasp_factory.signals.noise import depth, encoders, rgb, tactile, wrench
+from grasp_factory.signals.noise.imu import apply as apply_imu_noise
 from grasp_factory.signals.noise.suite import SensorNoise, named_noise
 
 _READS = {

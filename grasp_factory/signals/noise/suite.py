@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from grasp_factory.errors import lookup
-from grasp_factory.signals import BMI088, ImuNoise
 from grasp_factory.signals.noise.depth import STEREO, STRUCTURED_LIGHT, DepthNoise
 from grasp_factory.signals.noise.encoders import LIGHTWEIGHT, EncoderNoise
+from grasp_factory.signals.noise.imu import BMI088, ImuNoise
 from grasp_factory.signals.noise.rgb import SMALL_PIXELS, RgbNoise
 from grasp_factory.signals.noise.tactile import PIEZORESISTIVE, TactileNoise
 from grasp_factory.signals.noise.wrench import MINI45, WrenchNoise

@@ -56,17 +56,17 @@ FAULTS = (
     ),
     Fault(
         "imu-noise-without-its-rate",
-        "signals/imu_noise.py",
+        "signals/noise/imu.py",
         "density * math.sqrt(rate_hz) * white",
         "density * white",
-        ("signals/test_imu_noise.py",),
+        ("signals/test_noise_imu.py",),
     ),
     Fault(
         "imu-noises-share-a-seed",
-        "signals/imu_noise.py",
+        "signals/noise/imu.py",
         "np.random.default_rng(child) for child in seeds.spawn(3)",
         "np.random.default_rng(child) for child in [seeds] * 3",
-        ("signals/test_imu_noise.py",),
+        ("signals/test_noise_imu.py",),
     ),
     Fault(
         "same-noise-in-every-episode",

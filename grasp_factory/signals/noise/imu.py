@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grasp_factory.core.config.sections import STANDARD_GRAVITY
+from grasp_factory.core.config.shake import STANDARD_GRAVITY
 from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
 from grasp_factory.signals import BMI088, ImuNoise, TriadNoise, apply_imu_noise, bmi088
-from grasp_factory.signals.imu_noise import STANDARD_GRAVITY, walk_of_floor
+from grasp_factory.signals.noise.imu import STANDARD_GRAVITY, walk_of_floor
 
 DEGREE = math.pi / 180
 IDEAL = TriadNoise(noise_density=(0.0, 0.0, 0.0), turn_on_bias=0.0, bias_walk=0.0,

@@ -1,0 +1,92 @@
+"""How the arm moves: distances, speeds and grip force, and how long that may take."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from grasp_factory.core.serialization import check_range
+
+MAX_TRANSFER_S = 2.5
+"""Grasps that need a longer way from home count as unreachable: it bounds every attempt."""
+SHORTEST_MOTION_S = 0.15
+"""Even the shortest motion takes this long, so that the arm does not jerk."""
+PEAK_OVER_MEAN = 1.875
+"""Peak over mean speed of a minimum-jerk motion (Flash & Hogan 1985): 15/8."""
+MAX_STRETCH = 2.0
+"""A straight motion may take this many times longer than its speed says, for slow joints."""
+MAX_CLOSING_STROKE = 0.06
+"""Metres: bound for the travel of a finger; ``tests/robots/test_closing_time.py`` checks robots."""
+SLOWEST_FINGERS = 0.05
+"""m/s: bound for the greatest speed of fingers; the same test checks it."""
+CLOSING_SETTLE_S = 0.3
+"""Seconds that the fingers may take beyond their travel until they stand still."""
+
+
+def straight_motion_s(distance: float, peak_speed: float) -> float:
+    """Return the seconds of a minimum-jerk motion over a distance (m) with a peak speed (m/s)."""
+    return max(PEAK_OVER_MEAN * distance / peak_speed, SHORTEST_MOTION_S)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionConfig:
+    """How an attempt is executed."""
+
+    pregrasp_distance: float = 0.10
+    """Metres from the grasp, back along the approach axis."""
+    approach_speed: float = 0.25
+    """Peak TCP speed on the straight approach, m/s."""
+    lift_height: float = 0.20
+    """Metres, straight up."""
+    lift_speed: float = 0.60
+    """Peak TCP speed of the lift, m/s."""
+    closing_speed: float = 0.10
+    """Speed of each finger, m/s; the gripper's own greatest speed where that is less."""
+    grip_force: float = 20.0
+    """Force limit of each finger, N."""
+    hold_s: float = 0.3
+    """Seconds the object must stay in the hand after the lift."""
+    speed_scale: float = 0.9
+    """Fraction of the robot's joint velocity limits that planned motion may use."""
+
+    def __post_init__(self) -> None:
+        check_range(self, "pregrasp_distance", 0.02, 0.3, "m")
+        check_range(self, "approach_speed", 0.01, 2.0, "m/s")
+        check_range(self, "lift_height", 0.02, 0.5, "m")
+        check_range(self, "lift_speed", 0.01, 2.0, "m/s")
+        check_range(self, "closing_speed", 0.01, 2.0, "m/s")
+        check_range(self, "grip_force", 0.1, 200.0, "N")
+        check_range(self, "hold_s", 0.1, 3.0, "s")
+        check_range(self, "speed_scale", 0.05, 1.0)
+
+    def scaled(self, force: float, speed: float) -> MotionConfig:
+        """Return the motion with factors on its force and on its speeds.
+
+        Raises:
+            ConfigError: naming the value that is out of its range.
+        """
+        speeds = ("approach_speed", "closing_speed", "lift_speed")
+        changed = {key: speed * getattr(self, key) for key in speeds}
+        return dataclasses.replace(self, grip_force=force * self.grip_force, **changed)
+
+    @property
+    def longest_close_s(self) -> float:
+        """Upper bound for the time of the closing, seconds."""
+        speed = min(self.closing_speed, SLOWEST_FINGERS)
+        return MAX_CLOSING_STROKE / speed + CLOSING_SETTLE_S
+
+    @property
+    def approach_s(self) -> float:
+        """Seconds that the approach takes, unless a joint is too slow for it."""
+        return straight_motion_s(self.pregrasp_distance, self.approach_speed)
+
+    @property
+    def lift_s(self) -> float:
+        """Seconds that the lift takes, unless a joint is too slow for it."""
+        return straight_motion_s(self.lift_height, self.lift_speed)
+
+    @property
+    def longest_s(self) -> float:
+        """Upper bound for the time from home to the end of the hold, seconds."""
+        straight = MAX_STRETCH * (self.approach_s + self.lift_s)
+        return MAX_TRANSFER_S + straight + self.longest_close_s + self.hold_s
