@@ -120,16 +120,24 @@ def test_a_page_that_the_code_or_the_changelog_names_exists() -> None:
             assert (REPOSITORY / path).is_file(), f"{file.name} names {path}"
 
 
-def test_the_table_of_contributing_names_files_of_the_package() -> None:
-    rows = re.findall(r"^\| an? .+", text_of(REPOSITORY / "CONTRIBUTING.md"), re.MULTILINE)
-    assert len(rows) >= 13
-    for row in rows:
-        paths = [code for code in CODE.findall(row) if code.endswith(".py")]
-        assert len(paths) >= 2, row
-        for path in paths:
-            base = REPOSITORY if path.startswith("tests/") else PACKAGE
-            known = base / path.partition("<")[0]
+ROWS = re.findall(r"^\| (?!---).+", text_of(REPOSITORY / "CONTRIBUTING.md"), re.MULTILINE)
+IN_PACKAGE = re.compile(r"(?!grasp_factory/|data_samples/).+\.(?:py|js)")
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if IN_PACKAGE.search(row)])
+def test_a_row_of_contributing_names_files_of_the_package(row: str) -> None:
+    paths = [code for code in CODE.findall(row) if IN_PACKAGE.fullmatch(code)]
+    assert paths
+    for path in paths:
+        base = REPOSITORY if path.startswith("tests/") else PACKAGE
+        choices = re.search(r"\{(.+)\}", path)
+        for choice in choices[1].split(",") if choices else [""]:
+            known = base / re.sub(r"\{.+\}", choice, path).partition("<")[0]
             assert known.is_file() or ("<" in path and known.is_dir()), path
+
+
+def test_both_tables_of_contributing_are_found() -> None:
+    assert sum(bool(IN_PACKAGE.search(row)) for row in ROWS) >= 28
 
 
 @every_page
