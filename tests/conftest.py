@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from support.scale import scaled
 
 from grasp_factory.__main__ import main
 
 # The same examples in every run, and no clock.
-settings.register_profile("fixed", derandomize=True, deadline=None, database=None)
+settings.register_profile(
+    "fixed", derandomize=True, deadline=None, database=None, max_examples=scaled(40, 100)
+)
 settings.load_profile("fixed")
 
 

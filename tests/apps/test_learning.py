@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, average_precision_score, roc_auc_score
+from support.scale import scaled
 
 from grasp_factory import FactoryConfig, generate
 from grasp_factory.apps.learning.comparison import Course, Splits, compare, read_splits, train_on
@@ -229,16 +230,47 @@ def test_pose_alone_sees_poses_and_majority_nothing() -> None:
 def stores(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Return a store of train and val objects, and one of test objects."""
     folder = tmp_path_factory.mktemp("stores")
-    base = FactoryConfig(resolution=(160, 120), seed=3)
-    parts = (("learn", ("train", "val"), 240), ("test", ("test",), 120))
+    base = FactoryConfig(resolution=(96, 72), seed=3)
+    parts = (("learn", ("train", "val"), scaled(90, 240)), ("test", ("test",), scaled(40, 120)))
     for name, splits, n in parts:
         config = dataclasses.replace(base, object_splits=splits)
         generate(config, n, folder / name, workers=2, episode_timeout=60.0)
     return folder / "learn", folder / "test"
 
 
-@pytest.mark.slow
-def test_shuffled_labels_teach_nothing_and_real_ones_do(stores: tuple[Path, Path]) -> None:
+def random_auc_spread(success: np.ndarray) -> float:
+    """Return the standard deviation of the AUC of random answers (Mann & Whitney 1947)."""
+    good = int(success.sum())
+    bad = len(success) - good
+    return math.sqrt((good + bad + 1) / (12.0 * good * bad))
+
+
+def check_shuffled(success: np.ndarray, taught: Callable[[int | None], float]) -> None:
+    """Check that shuffled labels teach nothing, and that those which are not shuffled do."""
+    spread = random_auc_spread(success)
+    shuffled = np.array([taught(seed) for seed in range(8)])
+    noise = 3.0 * max(spread, shuffled.std()) / math.sqrt(len(shuffled))
+    assert abs(shuffled.mean() - 0.5) < noise, shuffled
+    assert taught(None) > shuffled.max() + spread
+
+
+def shuffle(part: Examples, seed: int) -> Examples:
+    order = np.random.default_rng(seed).permutation(len(part))
+    return dataclasses.replace(part, success=part.success[order])
+
+
+def test_shuffled_labels_teach_nothing() -> None:
+    train, val, test = made_up(300, 0), made_up(100, 1), made_up(200, 2)
+
+    def taught(seed: int | None) -> float:
+        parts = [train, val] if seed is None else [shuffle(part, seed) for part in (train, val)]
+        return plain_auc(test.success, fitted("vision", *parts).model.predict(test.inputs))
+
+    check_shuffled(test.success, taught)
+
+
+@pytest.mark.soak
+def test_shuffled_labels_of_real_episodes_teach_nothing(stores: tuple[Path, Path]) -> None:
     learn, test = map(Dataset.open, stores)
     course = Course(kinds=("vision",), settings=TrainSettings(epochs=10))
     splits = read_splits(learn, test, ["vision"], course, unwatched)
@@ -247,21 +279,11 @@ def test_shuffled_labels_teach_nothing_and_real_ones_do(stores: tuple[Path, Path
         parts = {}
         for name in ("train", "val"):
             part = getattr(splits, name)
-            if seed is not None:
-                order = np.random.default_rng(seed).permutation(len(part))
-                part = dataclasses.replace(part, success=part.success[order])
-            parts[name] = part
+            parts[name] = part if seed is None else shuffle(part, seed)
         model = train_on(dataclasses.replace(splits, **parts), "vision", course, learn).model
-        p = model.predict(splits.test.inputs)
-        return plain_auc(splits.test.success, p)
+        return plain_auc(splits.test.success, model.predict(splits.test.inputs))
 
-    good = int(splits.test.success.sum())
-    bad = len(splits.test) - good
-    spread = math.sqrt((good + bad + 1) / (12.0 * good * bad))  # of the AUC of random answers
-    shuffled = np.array([taught(seed) for seed in range(8)])
-    noise = 3.0 * max(spread, shuffled.std()) / math.sqrt(len(shuffled))
-    assert abs(shuffled.mean() - 0.5) < noise, shuffled
-    assert taught(None) > shuffled.max() + spread
+    check_shuffled(splits.test.success, taught)
 
 
 def test_held_out_episodes_have_no_part_in_training() -> None:
@@ -290,11 +312,11 @@ def test_touch_is_judged_on_what_got_to_the_lift(stores: tuple[Path, Path]) -> N
 @pytest.mark.slow
 def test_a_comparison_has_every_baseline_on_its_population(stores: tuple[Path, Path]) -> None:
     learn, test = map(Dataset.open, stores)
-    found = compare(learn, test, Course(episodes=150, settings=QUICK, crop=CROP))
+    found = compare(learn, test, Course(episodes=60, settings=QUICK, crop=CROP))
     attempts, lifts = found.populations["attempts"], found.populations["lifts"]
     assert list(attempts.scores) == ["majority", "pose", "vision"]
     assert list(lifts.scores) == [*("majority", "pose", "vision", "touch", "both", "vision_lifts")]
-    assert attempts.train_episodes == 150 > lifts.train_episodes
+    assert attempts.train_episodes == 60 > lifts.train_episodes
     assert len(lifts.success) < len(attempts.success)
     for scores in attempts.scores.values():
         assert scores["auc"].low <= scores["auc"].value <= scores["auc"].high
@@ -319,7 +341,7 @@ def test_an_object_in_train_and_test_is_no_held_out_object(stores: tuple[Path, P
 
 def test_a_curve_has_nested_parts_and_every_seed(stores: tuple[Path, Path]) -> None:
     learn, test = map(Dataset.open, stores)
-    steps = Steps(kind="touch", sizes=(20, 60), seeds=2)
+    steps = Steps(kind="touch", sizes=(15, 40), seeds=2)
     course = Course(kinds=("touch",), settings=QUICK)
     curve = learning_curve(learn, test, steps, course)
     assert list(curve.auc) == ["touch", "pose"]
