@@ -61,7 +61,8 @@ ensure_venv() {
     options=(--no-build-isolation)
   fi
   say "installing into .venv (once)"
-  .venv/bin/python -m pip install --quiet --disable-pip-version-check "${options[@]}" \
+  # Python compiles what is imported; all of it would take longer than the download.
+  .venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check "${options[@]}" \
     --editable ".[simulation${extra:+,$extra}]"
   echo "$stamp $extra" > .venv/installed
 }
