@@ -33,8 +33,11 @@ _FLAGS = (
     *("--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-dev-shm-usage"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--disable-extensions", "--hide-scrollbars", "--force-color-profile=srgb"),
-    # WebGL without a graphics card.
+    # WebGL without a graphics card, and nothing but WebGL: a page that is put together in the same
+    # way takes twice as long.
     *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"),
+    *("--disable-gpu-compositing", "--disable-gpu-rasterization"),
+    "--disable-accelerated-2d-canvas",
 )
 T = TypeVar("T")
 
@@ -124,8 +127,9 @@ class Page:
         self.until(clicked, f"{selector} is clicked")
 
     def text(self, testid: str) -> str:
-        """Return the text of an element."""
-        return str(self.one(testid).text)
+        """Return the text of an element, looked for again if the page replaces it meanwhile."""
+        (text,) = self.until(lambda: (self.one(testid).text,), f"{testid} has a text")
+        return str(text)
 
     def until(self, condition: Callable[[], T], what: str = "a condition") -> T:
         """Wait until a condition holds, and return what it returned.
