@@ -13,7 +13,7 @@ import pytest
 from selenium.common.exceptions import WebDriverException
 from support.browse_process import browsing
 from support.browser import DESKTOP, PHONE, Page, chromium
-from support.live_run import SMALL, LiveRun, running
+from support.live_run import ALONE, SMALL, LiveRun, running
 from support.places import TINY
 
 pytestmark = pytest.mark.slow
@@ -108,10 +108,25 @@ def test_progress_moves_to_the_end_and_says_how_to_go_on(page: Page, tmp_path: P
     page.resize(DESKTOP)
 
 
-def test_a_card_leads_to_its_episode_and_back(page: Page, tmp_path: Path) -> None:
-    with running(tmp_path / "ds.zarr", ENDLESS) as run:
-        page.open(run.url)
-        patiently(run, lambda: page.all("live-card"))
+@pytest.fixture(scope="class")
+def endless(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveRun]:
+    """Return a run of black images that goes on until a test stops it."""
+    light = [f"randomize.looks.{name}=[0,0]" for name in ("ambient", "diffuse", "specular")]
+    dark = [part for one in light for part in ("--set", one)]
+    with running(tmp_path_factory.mktemp("endless") / "ds.zarr", ENDLESS, [*SMALL, *dark]) as run:
+        yield run
+
+
+class TestARunThatGoesOn:
+    @pytest.fixture(autouse=True)
+    def left(self, page: Page, endless: LiveRun) -> Iterator[None]:
+        """Leave the page before its server is killed in the midst of an answer."""
+        yield
+        page.open("about:blank")
+
+    def test_a_card_leads_to_its_episode_and_back(self, page: Page, endless: LiveRun) -> None:
+        page.open(endless.url)
+        patiently(endless, lambda: page.all("live-card"))
         card: Any = page.one("live-card")
         store, row = card.get_attribute("data-id").split(":")
         card.find_element("css selector", "a").click()
@@ -119,26 +134,10 @@ def test_a_card_leads_to_its_episode_and_back(page: Page, tmp_path: Path) -> Non
         page.css(".page-episode *")
         page.go("#/live")
         page.until(lambda: page.text("live-phase").startswith("Running: "))
-        page.open("about:blank")
 
-
-def test_a_run_that_is_stopped_is_said_to_be(page: Page, tmp_path: Path) -> None:
-    with running(tmp_path / "ds.zarr", ENDLESS) as run:
-        page.open(run.url)
-        patiently(run, lambda: made(page) > 0)
-        run.process.send_signal(signal.SIGINT)
-        page.until(lambda: page.text("live-phase").startswith("Stopped: "))
-        assert run.wait() == 130
-    assert "run the same command again" in page.css(".live-next").text
-    shot(page, "stopped")
-
-
-def test_an_alarm_shows_with_its_episodes(page: Page, tmp_path: Path) -> None:
-    light = [f"randomize.looks.{name}=[0,0]" for name in ("ambient", "diffuse", "specular")]
-    dark = [part for one in light for part in ("--set", one)]
-    with running(tmp_path / "ds.zarr", 24, [*SMALL, *dark]) as run:
-        page.open(run.url)
-        patiently(run, lambda: page.all("alarm"))
+    def test_an_alarm_shows_with_its_episodes(self, page: Page, endless: LiveRun) -> None:
+        page.open(endless.url)
+        patiently(endless, lambda: page.all("alarm"))
         alarm: Any = page.css("[data-testid=alarm][data-kind=image]")
         assert "is black" in alarm.text
         assert alarm.find_elements("css selector", ".live-rows a")
@@ -148,12 +147,22 @@ def test_an_alarm_shows_with_its_episodes(page: Page, tmp_path: Path) -> None:
             .is_displayed()
         )
         shot(page, "alarm")
-        page.open("about:blank")  # before its server is killed in the midst of an answer
+
+    def test_a_run_that_is_stopped_is_said_to_be(self, page: Page, endless: LiveRun) -> None:
+        """The last test of the class: the run is over then."""
+        page.open(endless.url)
+        patiently(endless, lambda: made(page) > 0)
+        endless.process.send_signal(signal.SIGINT)
+        page.until(lambda: page.text("live-phase").startswith("Stopped: "))
+        assert endless.wait() == 130
+        assert "run the same command again" in page.css(".live-next").text
+        shot(page, "stopped")
 
 
 def test_quarantined_episodes_show_their_reason_as_text(page: Page, tmp_path: Path) -> None:
     strict = ["--set", "quality.min_sharpness=1", "--set", "quality.min_score=5"]
-    with running(tmp_path / "ds.zarr", 8, [*SMALL, *strict, "--max-failures", "1"]) as run:
+    options = [*SMALL, *ALONE, *strict, "--max-failures", "1"]
+    with running(tmp_path / "ds.zarr", 4, options) as run:
         page.open(run.url)
         patiently(run, lambda: page.text("live-phase").startswith("Finished"))
     cards = page.all("live-card")

@@ -20,12 +20,13 @@ import cv2
 import numpy as np
 import pytest
 from flask.testing import FlaskClient
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from support.browse_process import Running, browsing
 from support.fake_episodes import JOINTS, make_episode, make_rows, small_config
 from support.places import TINY
+from support.scale import scaled
 
 from grasp_factory.apps.browse import crowd, serving, site
 from grasp_factory.apps.browse.app import create_app
@@ -166,6 +167,7 @@ class TestNumbers:
         digits = text.partition("e")[0].replace(".", "").strip("0")
         assert len(digits) <= DIGITS
 
+    @settings(max_examples=scaled(30, 100))
     @given(
         value=st.recursive(
             st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
@@ -797,7 +799,7 @@ class TestTheCommand:
     @pytest.mark.slow
     def test_it_ends_quietly_while_many_are_being_answered(self, stores: tuple[Path, Path]) -> None:
         addresses = ["/cloud/0/0/0", "/api/library", "/static/main.js", "/api/series/0/1"]
-        for _ in range(6):
+        for _ in range(scaled(2, 6)):
             with browsing(stores[REAL]) as server, ThreadPoolExecutor(6) as pool:
                 is_over = threading.Event()
 
@@ -833,7 +835,7 @@ class TestTheCommand:
             alone = {address: server.get(address) for address in addresses}
             assert {code for code, _ in alone.values()} == {200}
             with ThreadPoolExecutor(16) as pool:
-                todo = addresses * 4
+                todo = addresses * scaled(2, 4)
                 for address, got in zip(todo, pool.map(server.get, todo), strict=True):
                     assert got == alone[address]
 

@@ -20,8 +20,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.fake_episodes import make_episode, make_rows, small_config
 from support.helpers import assert_same_tree
-from support.live_run import SMALL, running
+from support.live_run import ALONE, SMALL, running
 
+from grasp_factory.apps.live import watch
 from grasp_factory.apps.live.alarms import (
     AGAIN_S,
     ALARM_CHECKS,
@@ -507,16 +508,17 @@ class TestARealRun:
             run.until(run.state)
             run.until(lambda: run.state()["phase"] != "running")
             assert run.wait() == 0
-        command = [sys.executable, "-m", "grasp_factory", "generate", "--n", "6", *SMALL]
+        command = [sys.executable, "-m", "grasp_factory", "generate", "--n", "6", *SMALL, *ALONE]
         subprocess.run([*command, "--out", str(plain), "--quiet"], check=True)
         assert_same_tree(watched, plain)
 
     def test_rings_when_its_images_are_black(self, tmp_path: Path) -> None:
         light = [f"randomize.looks.{name}=[0,0]" for name in ("ambient", "diffuse", "specular")]
         dark = [part for one in light for part in ("--set", one)]
-        with running(tmp_path / "ds.zarr", 4, [*SMALL, *dark]) as run:
+        with running(tmp_path / "ds.zarr", 4, [*SMALL, *ALONE, *dark]) as run:
             alarms = run.until(lambda: run.state()["alarms"])
             assert run.until(lambda: "alarm (image): front after is black" in run.err)
+            run.until(lambda: run.state()["phase"] != "running")  # which the run waits for
             assert run.wait() == 0
         (alarm,) = [alarm for alarm in alarms if alarm["kind"] == "image"]
         assert alarm["until"] is None
@@ -524,7 +526,8 @@ class TestARealRun:
 
     def test_rings_once_when_all_is_quarantined(self, tmp_path: Path) -> None:
         strict = ["--set", "quality.min_sharpness=1", "--set", "quality.min_score=5"]
-        with running(tmp_path / "ds.zarr", 12, [*SMALL, *strict, "--max-failures", "1"]) as run:
+        options = [*SMALL, *ALONE, *strict, "--max-failures", "1"]
+        with running(tmp_path / "ds.zarr", 2 * FEWEST_QUARANTINED, options) as run:
             run.until(lambda: run.state()["phase"] != "running")
             last = run.state()
             assert run.wait() == 0
@@ -609,10 +612,11 @@ class TestAViewThatFails:
     @pytest.fixture(autouse=True)
     def pretend(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def simulate(world: World, spec: EpisodeSpec) -> Episode:
-            time.sleep(0.3)  # so that the watch looks meanwhile
+            time.sleep(0.05)  # so that the watch looks meanwhile
             return replace(make_episode(small_config(), spec.index), spec=spec)
 
         monkeypatch.setattr(block_maker, "run_episode", simulate)
+        monkeypatch.setattr(watch, "STEP_S", 0.05)
 
     def test_by_its_facts(
         self, tmp_path: Path, told: list[str], monkeypatch: pytest.MonkeyPatch

@@ -19,6 +19,7 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.opened_files import opened_shards
+from support.scale import soak_only
 from torch.utils.data import DataLoader
 
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
@@ -34,6 +35,8 @@ N = 22
 SMALL = CropShape(size=12)
 BOTH = KINDS["both"]
 starts = pytest.mark.parametrize("start", ["fork", "spawn"])
+usually_forked = pytest.mark.parametrize("start", ["fork", *soak_only("spawn")])
+"""A start of fresh processes takes seconds: the stream's test has one in every run."""
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +113,7 @@ class TestByIndex:
             ):
                 examples[index]
 
-    @starts
+    @usually_forked
     def test_are_the_same_from_workers(
         self, path: Path, examples: GraspDataset, start: str
     ) -> None:
@@ -265,7 +268,7 @@ class TestAugmentation:
         with pytest.raises(UsageError, match="noise: got one, and a Dataset, valid: one of them"):
             GraspDataset(noisy, noise="stereo")
 
-    @starts
+    @usually_forked
     def test_noise_reaches_workers(self, path: Path, start: str) -> None:
         """The parent has used the same libraries before, some of which have threads."""
         dataset = GraspDataset(path, crop=SMALL, noise="stereo")

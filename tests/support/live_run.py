@@ -19,6 +19,8 @@ import pytest
 
 PATIENCE_S = 150.0
 SMALL = ("--resolution", "96x72", "--set", "block_size=2", "--seed", "5")
+ALONE = ("--workers", "1")
+"""For a run whose workers are not the point: it starts with less work."""
 
 
 class LiveRun:
