@@ -569,6 +569,17 @@ class TestStoresThatChange:
             assert get(client, "/api/episodes")["total"] == before + len(MISSING)
             get_image(client, f"/image/0/{MISSING[0]}/front/rgb/0.png")
 
+    def test_a_row_that_was_made_a_moment_ago_can_be_opened(
+        self, own_store: Path, tmp_path: Path
+    ) -> None:
+        """A card of the live page leads to it before anybody has looked at the stores again."""
+        with page_of(tmp_path, own_store) as client:
+            get(client, f"/api/episode/0/{MISSING[0]}", 404)
+            get(client, f"/api/episode/0/{N}", 404)
+            ZarrWriter(own_store).write_block(2, make_rows(CONFIG, 2, N, quarantined=(9,)))
+            for row in (MISSING[0], 9):
+                assert get(client, f"/api/episode/0/{row}")["index"]["row"] == row
+
     def test_a_store_that_grew_is_opened_again(
         self, own_store: Path, tmp_path: Path, always_looking: None
     ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from dataclasses import dataclass, field
@@ -70,6 +71,20 @@ class Site:
             if indexed is None or indexed["status"] != "committed":
                 abort(404, str(error))
             raise
+
+    def row(self, number: int, row: int) -> dict[str, Any] | None:
+        """Return a row of the index; one that a run has made since the last look is read now."""
+        found = self.index.row(number, row)
+        if found is None and self._is_made(number, row):
+            self.freshness.now()
+            found = self.index.row(number, row)
+        return found
+
+    def _is_made(self, number: int, row: int) -> bool:
+        with contextlib.suppress(IndexError, StoreError):
+            self.store(number).dataset.spec(row)
+            return True
+        return False
 
 
 class Freshness:

@@ -23,7 +23,7 @@ def routes(site: Site) -> Blueprint:
     @pages.get("/api/episode/<n:store>/<n:row>")
     def episode(store: int, row: int) -> Response:
         site.freshness.soon()
-        opened, indexed = site.store(store), site.index.row(store, row)
+        opened, indexed = site.store(store), site.row(store, row)
         if indexed is None:
             abort(404, f"store {store} has no episode {row}")
         return json_answer(facts.episode(opened, row, indexed))
