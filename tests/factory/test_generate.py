@@ -33,7 +33,7 @@ from grasp_factory.errors import (
     UnknownNameError,
     UsageError,
 )
-from grasp_factory.factory import block_maker, resume
+from grasp_factory.factory import block_maker, platform_check
 from grasp_factory.factory import generate as factory
 from grasp_factory.factory.block_job import Made, block_range
 from grasp_factory.factory.generate import RunPlan, generate
@@ -248,7 +248,9 @@ def test_going_on_with_other_versions_is_warned_of(
     out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     generate(CONFIG, 4, out, workers=1)
-    monkeypatch.setattr(resume, "changed_versions", lambda facts: ["pybullet: 3.2.7, now 9.9.9"])
+    monkeypatch.setattr(
+        platform_check, "changed_versions", lambda facts: ["pybullet: 3.2.7, now 9.9.9"]
+    )
     with pytest.warns(GraspFactoryWarning, match=r"other versions \(pybullet: 3\.2\.7, now 9"):
         generate(CONFIG, 8, out, workers=1)
     generate(CONFIG, 8, out, workers=1)  # nothing is made: nothing to warn of
