@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support import nasty_meshes
+from support.conversion import convert_here
 from support.helpers import assert_same_tree
 
 from grasp_factory.cli import request as cli_request
@@ -49,6 +50,17 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
+def real_child() -> None:
+    """Ask for conversions in a child process, as a user has them."""
+
+
+@pytest.fixture(autouse=True)
+def quick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "real_child" not in request.fixturenames:
+        convert_here(monkeypatch)
+
+
+@pytest.fixture
 def folder(tmp_path: Path) -> Path:
     path = tmp_path / "folder"
     path.mkdir()
@@ -57,11 +69,11 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def no_child(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse() -> None:
-        raise AssertionError("a child process was started")
+def no_conversion(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any) -> None:
+        raise AssertionError("something was converted")
 
-    monkeypatch.setattr(child_module, "_start", refuse)
+    monkeypatch.setattr(Child, "convert", refuse)
 
 
 def imported(folder: Path, **files: bytes | str) -> FolderReport:
@@ -81,6 +93,7 @@ def model(report: FolderReport, key: str = "box") -> ObjectModel:
 
 
 class TestImporting:
+    @pytest.mark.usefixtures("real_child")
     def test_a_box_becomes_an_object_with_exact_mass_properties(self, folder: Path) -> None:
         report = imported(folder)
         (item,) = report.usable
@@ -96,6 +109,7 @@ class TestImporting:
         assert body.inertial_frame.position == pytest.approx((0, 0, 0), abs=1e-9)
         assert box.upper == pytest.approx(sides / 2)
 
+    @pytest.mark.usefixtures("real_child")
     def test_a_set_has_the_same_digest_wherever_its_folder_and_the_cache_are(
         self, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -114,7 +128,7 @@ class TestImporting:
         self, folder: Path, request: pytest.FixtureRequest
     ) -> None:
         first = imported(folder, text_stl="I am no mesh")
-        request.getfixturevalue("no_child")
+        request.getfixturevalue("no_conversion")
         assert import_folder(folder, "mine", WIDEST) == first
 
     def test_an_import_does_not_load_the_libraries_into_this_process(self, folder: Path) -> None:
@@ -127,6 +141,7 @@ class TestImporting:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
         assert done.stdout.decode().strip() == "[]"
 
+    @pytest.mark.usefixtures("real_child")
     def test_what_is_damaged_in_the_cache_is_made_again(self, folder: Path, cache: Path) -> None:
         first = imported(folder)
         whole = {path: path.read_bytes() for path in cache.rglob("*.*")}
@@ -326,6 +341,7 @@ class TestReading:
         assert report.usable[0].sides == pytest.approx((0.03, 0.05, 0.07))
 
 
+@pytest.mark.usefixtures("real_child")
 class TestChild:
     JOB = Job(collision=(Shape(kind="obj", size=(1.0, 1.0, 1.0), blob=0),))
 
@@ -470,6 +486,7 @@ class TestReport:
         assert import_report_text(empty) == "0 usable, 0 refused"
 
 
+@pytest.mark.usefixtures("real_child")
 class TestNasty:
     @pytest.fixture(autouse=True)
     def world(self) -> Iterator[World]:

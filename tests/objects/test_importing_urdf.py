@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support import nasty_meshes
+from support.conversion import convert_here
 
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.objects.base import Compound, ObjectModel
@@ -22,6 +23,17 @@ from grasp_factory.objects.importing.urdf import parse_urdf
 
 BOX = '<collision><geometry><box size="0.03 0.04 0.06"/></geometry></collision>'
 MESH = nasty_meshes.encode("obj", *nasty_meshes.shapes()["ring"])
+
+
+@pytest.fixture
+def real_child() -> None:
+    """Ask for conversions in a child process, as a user has them."""
+
+
+@pytest.fixture(autouse=True)
+def quick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "real_child" not in request.fixturenames:
+        convert_here(monkeypatch)
 
 
 @pytest.fixture
@@ -57,6 +69,7 @@ def compound(report: FolderReport) -> Compound:
 
 
 class TestShapes:
+    @pytest.mark.usefixtures("real_child")
     def test_primitives_stay_what_they_are(self, folder: Path) -> None:
         capsule = (
             '<collision><origin xyz="0 0 0.05" rpy="0 1.5707963267948966 0"/><geometry>'
@@ -70,6 +83,7 @@ class TestShapes:
         assert thing.upper == pytest.approx((0.025, 0.02, 0.06))
         assert body.visual == ()
 
+    @pytest.mark.usefixtures("real_child")
     def test_a_mesh_is_found_beside_the_urdf_and_is_no_object_of_its_own(
         self, folder: Path
     ) -> None:
@@ -339,6 +353,7 @@ class TestNothingOutsideIsRead:
         (folder / "meshes/ring.obj").write_bytes(MESH)
         assert list_files(folder).files == ("meshes/ring.obj",)
 
+    @pytest.mark.usefixtures("real_child")
     def test_the_import_opens_nothing_but_the_folder_and_the_cache(self, folder: Path) -> None:
         (folder / "evil.obj").write_bytes(b"mtllib ../../../../etc/passwd\nusemtl a\n" + MESH)
         (folder / "away.urdf").write_bytes(urdf(mesh("/etc/passwd.obj"), mesh("../x.obj")))
