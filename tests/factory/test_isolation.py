@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,11 @@ import pytest
 from support.helpers import assert_same_tree
 from support.places import REPOSITORY
 from support.sabotage import SABOTAGE
+from support.scale import IS_SOAK, soak_only
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.factory import generate as factory
 from grasp_factory.sampling.spec import sample_spec
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
@@ -23,20 +26,23 @@ N = 12
 TINY = ("--seed", "3", "--resolution", "48x36", "--set", "block_size=4")
 
 
+def sabotaged(folder: Path, text: str) -> dict[str, str]:
+    """Write code that processes run as they start; return the environment for that."""
+    place = folder / "site"
+    place.mkdir(exist_ok=True)
+    (place / "sitecustomize.py").write_text(text)
+    return os.environ | {"PYTHONPATH": f"{place}:{REPOSITORY}"}
+
+
 def generate(
-    out: Path, deeds: dict[int, str] | None = None, *args: Any, workers: int = 2
+    out: Path, deeds: Mapping[int, str], *args: Any, workers: int = 2
 ) -> subprocess.CompletedProcess[str]:
     """Run the command; a worker does the deed of an episode before it makes it."""
-    lines = [f"if spec.index == {i}: {deed}" for i, deed in (deeds or {}).items()]
-    place = out.parent / "site"
-    place.mkdir(exist_ok=True)
-    (place / "sitecustomize.py").write_text(
-        SABOTAGE.format(deeds="\n        ".join(lines) or "pass")
-    )
+    lines = [f"if spec.index == {i}: {deed}" for i, deed in deeds.items()]
     command = [sys.executable, "-m", "grasp_factory", "generate", "--n", N, "--out", out]
     return subprocess.run(
         [str(word) for word in (*command, "--workers", workers, *TINY, *args)],
-        env=os.environ | {"PYTHONPATH": f"{place}:{REPOSITORY}"},
+        env=sabotaged(out.parent, SABOTAGE.format(deeds="\n        ".join(lines))),
         capture_output=True,
         check=False,
         text=True,
@@ -46,8 +52,7 @@ def generate(
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("clean") / "ds.zarr"
-    done = generate(path)
-    assert done.returncode == 0, done.stderr
+    factory.generate(FactoryConfig(seed=3, resolution=(48, 36), block_size=4), N, path, workers=1)
     return path
 
 
@@ -57,42 +62,56 @@ def checksums(path: Path) -> dict[int, str]:
     return {int(i): column[i] for i in dataset.committed}
 
 
+KINDS = {
+    "os.kill(os.getpid(), signal.SIGSEGV)": "its worker was lost twice (SIGSEGV)",
+    "os.kill(os.getpid(), signal.SIGKILL)": "its worker was lost twice (SIGKILL)",
+    "os._exit(3)": "its worker was lost twice (exit code 3)",
+    "raise MemoryError": "its worker was lost twice (SIGKILL)",
+    "raise ValueError('two\\nlines')": "ValueError: two lines",
+    "time.sleep(1e6)": "its worker was lost twice (silent for more than 8 s)",
+    "os.kill(os.getpid(), signal.SIGSTOP)": "its worker was lost twice (silent for more than 8 s)",
+}
+"""Deed to the reason that is told."""
+TOGETHER = {
+    1: "time.sleep(1e6)",  # while the other worker makes the other blocks
+    5: "os.kill(os.getpid(), signal.SIGSEGV)",
+    9: "raise MemoryError",
+    11: "raise ValueError('two\\nlines')",
+}
+
+
 @pytest.mark.parametrize(
-    ("deed", "reason"),
-    [
-        ("os.kill(os.getpid(), signal.SIGSEGV)", r"its worker was lost twice (SIGSEGV)"),
-        ("os.kill(os.getpid(), signal.SIGKILL)", r"its worker was lost twice (SIGKILL)"),
-        ("os._exit(3)", r"its worker was lost twice (exit code 3)"),
-        ("raise MemoryError", r"its worker was lost twice (SIGKILL)"),
-        ("raise ValueError('two\\nlines')", r"ValueError: two lines"),
-        ("time.sleep(1e6)", r"its worker was lost twice (silent for more than 8 s)"),
-        ("os.kill(os.getpid(), signal.SIGSTOP)", "lost twice (silent for more than 8 s)"),
-    ],
+    "deeds",
+    [TOGETHER, *soak_only(*({5: deed} for deed in KINDS))],
+    ids=["together", *KINDS],
 )
 def test_an_episode_that_cannot_be_made_is_quarantined_alone(
-    clean: Path, tmp_path: Path, deed: str, reason: str
+    clean: Path, tmp_path: Path, deeds: dict[int, str]
 ) -> None:
     out = tmp_path / "ds.zarr"
-    done = generate(out, {5: deed}, "--episode-timeout", 8, "--json")
+    done = generate(out, deeds, "--episode-timeout", 8, "--max-failures", 0.5, "--json")
     assert done.returncode == 0, done.stderr
-    assert reason in done.stderr
-    summary = json.loads(done.stdout)
-    assert list(summary["quarantined"]) == ["5"]
-    assert reason in summary["quarantined"]["5"]
-    want = checksums(clean)
-    del want[5]
-    assert checksums(out) == want
+    summary, want = json.loads(done.stdout), checksums(clean)
+    assert list(summary["quarantined"]) == [str(i) for i in deeds]
     config = FactoryConfig.from_plain(Dataset.open(out).attributes["config"])
-    assert Dataset.open(out).spec(5) == sample_spec(config, 5)
+    for i, deed in deeds.items():
+        assert f"episode {i} is quarantined: {KINDS[deed]}\n" in done.stderr
+        assert summary["quarantined"][str(i)] == KINDS[deed]
+        assert Dataset.open(out).spec(i) == sample_spec(config, i)
+        del want[i]
+    assert checksums(out) == want
 
 
 def test_deaths_give_the_same_bytes_for_any_number_of_workers(tmp_path: Path) -> None:
     deeds = {0: "os._exit(3)", 5: "raise ValueError('no')", 6: "os._exit(3)"}
-    stores = [tmp_path / f"{workers}.zarr" for workers in (1, 2, 3)]
-    for workers, out in enumerate(stores, 1):
-        assert generate(out, deeds, workers=workers).returncode == 0
-    assert_same_tree(stores[0], stores[1])
-    assert_same_tree(stores[0], stores[2])
+    numbers = (1, 3, *((2,) if IS_SOAK else ()))
+    stores = [tmp_path / f"{workers}.zarr" for workers in numbers]
+    for workers, out in zip(numbers, stores, strict=True):
+        done = generate(out, deeds, workers=workers)
+        assert done.returncode == 0
+        assert f"episode 6 is quarantined: {KINDS['os._exit(3)']}\n" in done.stderr
+    for out in stores[1:]:
+        assert_same_tree(stores[0], out)
 
 
 def test_a_death_that_is_not_the_episodes_fault_costs_nothing(clean: Path, tmp_path: Path) -> None:
@@ -105,30 +124,28 @@ def test_a_death_that_is_not_the_episodes_fault_costs_nothing(clean: Path, tmp_p
     assert_same_tree(clean, out)
 
 
-def test_more_failures_than_allowed_are_exit_code_1_and_the_rest_is_there(tmp_path: Path) -> None:
+def test_more_failures_than_allowed_are_exit_code_1_and_the_rest_is_there(
+    tmp_path: Path, run: Callable[..., tuple[int, str, str]]
+) -> None:
     deeds = {i: "raise ValueError('no')" for i in range(4)}
     out = tmp_path / "ds.zarr"
     done = generate(out, deeds, "--max-failures", 0.3)
     assert done.returncode == 1
     assert "4 of 12 episodes are quarantined, more than --max-failures 0.3 allows" in done.stderr
     assert len(Dataset.open(out).committed) == 8
-    again = generate(out, deeds, "--max-failures", 0.3)
-    assert (again.returncode, len(Dataset.open(out).committed)) == (1, 8)
-    assert generate(out, deeds, "--max-failures", 0.4).returncode == 0
+    again = ("generate", "--n", N, "--out", out, *TINY, "--max-failures")
+    code, _, _ = run(*again, 0.3)  # without deeds: what is quarantined is not made again
+    assert (code, len(Dataset.open(out).committed)) == (1, 8)
+    assert run(*again, 0.4)[0] == 0
 
 
 def test_a_worker_that_dies_without_an_episode_in_hand_ends_the_run_after_some_tries(
     tmp_path: Path,
 ) -> None:
-    out = tmp_path / "ds.zarr"
-    place = tmp_path / "site"
-    generate(out, {}, "--print-config")  # makes the place
-    (place / "sitecustomize.py").write_text(
-        "import os, sys\nif '--multiprocessing-fork' in sys.argv: os._exit(5)\n"
-    )
-    command = [sys.executable, "-m", "grasp_factory", "generate", "--n", "4", "--out", str(out)]
+    dies = "import os, sys\nif '--multiprocessing-fork' in sys.argv: os._exit(5)\n"
+    command = [sys.executable, "-m", "grasp_factory", "generate", "--n", "4"]
     done = subprocess.run(
-        [*command, *TINY], env=os.environ | {"PYTHONPATH": f"{place}:{REPOSITORY}"},
+        [*command, "--out", str(tmp_path / "ds.zarr"), *TINY], env=sabotaged(tmp_path, dies),
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1
