@@ -16,6 +16,7 @@ from support.helpers import assert_same_tree, tree
 from support.platform_processes import WITHOUT_FMA, command, needs_fma
 from support.stored import old_store
 
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of
 from grasp_factory.curation.merge import merge
@@ -46,10 +47,20 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(block_maker, "run_episode", pretend)
 
 
+@pytest.fixture(scope="module")
+def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a store of 6 rows, the second block cut short, made here."""
+    folder = tmp_path_factory.mktemp("six")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(block_maker, "run_episode", pretend)
+        generate(CONFIG, 6, folder / "ds.zarr", workers=1)
+    return folder
+
+
 @pytest.fixture
-def out(tmp_path: Path) -> Path:
-    """Return a store of 6 rows, the second block cut short, made here."""
-    generate(CONFIG, 6, tmp_path / "ds.zarr", workers=1)
+def out(six: Path, tmp_path: Path) -> Path:
+    """Return a copy of that store, with the diary beside it."""
+    shutil.copytree(six, tmp_path, dirs_exist_ok=True)
     return tmp_path / "ds.zarr"
 
 
@@ -191,11 +202,14 @@ class TestAStoreOfAVersionWithoutFingerprints:
 
 
 @needs_fma
-def test_a_real_other_libm_is_refused_and_recorded_when_it_is_accepted(tmp_path: Path) -> None:
+def test_a_real_other_libm_is_refused_and_recorded_when_it_is_accepted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     out = tmp_path / "ds.zarr"
+    monkeypatch.undo()  # real episodes
+    generate(FactoryConfig(resolution=(32, 24), block_size=1), 1, out, workers=1)
     more = ("--resolution", "32x24", "--workers", 1, "--set", "block_size=1", "--quiet")
     words = ("generate", "--out", out, *more)
-    assert command(*words, "--n", 1).returncode == 0
     before = tree(out)
     refused = command(*words, "--n", 2, **WITHOUT_FMA)
     assert refused.returncode == 2

@@ -16,7 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.fake_episodes import make_episode, small_config
 from support.helpers import assert_same_tree
+from support.scale import scaled, soak_only
 
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreBusyError
 from grasp_factory.factory import block_job, block_maker
@@ -27,14 +29,25 @@ from grasp_factory.writers.zarr.lock import ShardLock, StoreLock
 CONFIG = small_config()  # blocks of 4
 
 
+def pretend(world: Any, spec: Any) -> Any:
+    """Return an episode that follows from its recipe, without physics."""
+    return dataclasses.replace(make_episode(CONFIG, spec.index), spec=spec)
+
+
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulation; only for runs in this process."""
-
-    def pretend(world: Any, spec: Any) -> Any:
-        return dataclasses.replace(make_episode(CONFIG, spec.index), spec=spec)
-
     monkeypatch.setattr(block_maker, "run_episode", pretend)
+
+
+@pytest.fixture(scope="module")
+def want(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the store of one run for 26 episodes."""
+    path = tmp_path_factory.mktemp("want") / "want"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(block_maker, "run_episode", pretend)
+        generate(CONFIG, 26, path, workers=1)
+    return path
 
 
 @given(st.integers(1, 60), st.integers(0, 400))
@@ -64,29 +77,26 @@ def test_the_parts_of_a_request_are_disjoint_and_are_all(n: int, count: int) -> 
 
 @pytest.mark.usefixtures("fake")
 class TestParts:
-    @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+    @pytest.mark.parametrize("order", [(2, 0, 1), *soak_only((0, 1, 2))])
     def test_in_any_order_give_the_bytes_of_one_run(
-        self, tmp_path: Path, order: tuple[int, ...]
+        self, tmp_path: Path, want: Path, order: tuple[int, ...]
     ) -> None:
-        generate(CONFIG, 26, tmp_path / "want", workers=1)
         for index in order:
             summary = generate(CONFIG, 26, tmp_path / "out", workers=1, shard=Shard(index, 3))
-        assert_same_tree(tmp_path / "want", tmp_path / "out")
+        assert_same_tree(want, tmp_path / "out")
         assert (summary.asked, summary.made, summary.already_there) == (8, 8, 0)
 
-    def test_may_be_split_otherwise_the_next_time(self, tmp_path: Path) -> None:
-        generate(CONFIG, 26, tmp_path / "want", workers=1)
+    def test_may_be_split_otherwise_the_next_time(self, tmp_path: Path, want: Path) -> None:
         generate(CONFIG, 26, tmp_path / "out", workers=1, shard=Shard(1, 2))
         for index in range(3):
             generate(CONFIG, 26, tmp_path / "out", workers=1, shard=Shard(index, 3))
-        assert_same_tree(tmp_path / "want", tmp_path / "out")
+        assert_same_tree(want, tmp_path / "out")
 
-    def test_grow_the_store_when_no_other_is_at_work(self, tmp_path: Path) -> None:
-        generate(CONFIG, 26, tmp_path / "want", workers=1)
+    def test_grow_the_store_when_no_other_is_at_work(self, tmp_path: Path, want: Path) -> None:
         for n in (10, 26):
             for index in range(2):
                 generate(CONFIG, n, tmp_path / "out", workers=1, shard=Shard(index, 2))
-        assert_same_tree(tmp_path / "want", tmp_path / "out")
+        assert_same_tree(want, tmp_path / "out")
 
     def test_do_not_grow_it_under_others(self, tmp_path: Path) -> None:
         generate(CONFIG, 10, tmp_path / "out", workers=1)
@@ -174,19 +184,20 @@ class TestTheirLocks:
 @pytest.mark.slow
 @pytest.mark.timeout(180)
 def test_parts_that_are_made_at_the_same_time_give_the_bytes_of_one_run(tmp_path: Path) -> None:
-    def start(out: str, *args: str) -> subprocess.Popen[str]:
+    def start(*args: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "grasp_factory", "generate", "--n", "12", "--seed", "3",
                    "--workers", "1", "--resolution", "48x36", "--set", "block_size=2",
-                   "--out", str(tmp_path / out), *args]  # fmt: skip
+                   "--out", str(tmp_path / "out"), *args]  # fmt: skip
         return subprocess.Popen(
             command, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
         )
 
-    runs = [start("out", "--shard", f"{i}/3") for i in (1, 2, 3)]
+    parts = scaled(2, 3)
+    runs = [start("--shard", f"{i + 1}/{parts}") for i in range(parts)]
     for run in runs:
         _, said = run.communicate()
         assert run.returncode == 0, said
-    start("want").communicate()
+    assert {path.name for path in tmp_path.iterdir()} == {"out", "out.runs.jsonl"}
+    config = FactoryConfig(seed=3, resolution=(48, 36), block_size=2)
+    generate(config, 12, tmp_path / "want", workers=1)
     assert_same_tree(tmp_path / "want", tmp_path / "out")
-    beside = {"out", "out.runs.jsonl", "want", "want.runs.jsonl"}
-    assert {path.name for path in tmp_path.iterdir()} == beside
