@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import shutil
 import socket
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from support.fake_episodes import make_episode, small_config
 from support.helpers import tree
 
+from grasp_factory.cli import run_progress
 from grasp_factory.cli.main import cli
 from grasp_factory.cli.run_report import forecast_text
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -21,7 +23,7 @@ from grasp_factory.errors import RecipeError, StoreMismatchError
 from grasp_factory.factory import block_maker, dry_run, generate, pilot_blocks
 from grasp_factory.factory.block_job import Made
 from grasp_factory.factory.dry_run import forecast, makespan, wilson
-from grasp_factory.factory.executors import JOBS_PER_PROCESS
+from grasp_factory.factory.executors import JOBS_PER_PROCESS, InlineExecutor
 from grasp_factory.factory.pilot_blocks import FEWEST, Pilot, is_enough, relative_error
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.world import World
@@ -38,6 +40,23 @@ def pretend(world: World, spec: EpisodeSpec) -> Episode:
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulation; only for runs in this process."""
     monkeypatch.setattr(block_maker, "run_episode", pretend)
+
+
+@pytest.fixture(scope="module")
+def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a store of 6 rows, the second block cut short."""
+    folder = tmp_path_factory.mktemp("six")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(block_maker, "run_episode", pretend)
+        generate.generate(CONFIG, 6, folder / "ds.zarr", workers=1)
+    return folder
+
+
+@pytest.fixture
+def out(six: Path, tmp_path: Path) -> Path:
+    """Return a copy of that store, with the diary beside it."""
+    shutil.copytree(six, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "ds.zarr"
 
 
 @pytest.fixture
@@ -173,19 +192,16 @@ class TestForecast:
         assert found is not None
         assert found.pilots == 12
 
-    def test_counts_what_is_there_as_the_run_does(self, tmp_path: Path) -> None:
-        out = tmp_path / "ds.zarr"
-        generate.generate(CONFIG, 6, out, workers=1)
+    def test_counts_what_is_there_as_the_run_does(self, out: Path, tmp_path: Path) -> None:
         files = tree(tmp_path)
         found = forecast(request(out, 10))
         assert tree(tmp_path) == files
         made = generate.generate(CONFIG, 10, out, workers=1)
         assert (found.to_make, found.already_there) == (made.made, made.already_there) == (4, 6)
 
-    def test_of_a_store_that_is_complete_makes_no_pilot(self, tmp_path: Path) -> None:
-        generate.generate(CONFIG, 8, tmp_path / "ds.zarr", workers=1)
-        found = forecast(request(tmp_path / "ds.zarr", 8))
-        assert (found.expected, found.to_make, found.already_there) == (None, 0, 8)
+    def test_of_a_store_that_is_complete_makes_no_pilot(self, out: Path) -> None:
+        found = forecast(request(out, 6))
+        assert (found.expected, found.to_make, found.already_there) == (None, 0, 6)
         assert forecast_text(found).endswith("is complete.")
 
     def test_calls_back_for_each_pilot(self, tmp_path: Path) -> None:
@@ -206,9 +222,7 @@ class TestForecast:
         assert found.expected.success_interval is None
         assert "quarantined  8" in forecast_text(found)
 
-    def test_refuses_what_the_run_would_refuse(self, tmp_path: Path) -> None:
-        out = tmp_path / "ds.zarr"
-        generate.generate(CONFIG, 4, out, workers=1)
+    def test_refuses_what_the_run_would_refuse(self, out: Path, tmp_path: Path) -> None:
         with pytest.raises(StoreMismatchError, match="another config"):
             forecast(request(out, 8, small_config(seed=5)))
         with pytest.raises(StoreMismatchError, match=r"there is no directory .*nowhere"):
@@ -224,8 +238,12 @@ class TestForecast:
         )
 
     def test_the_command_prints_a_table_or_json(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+        self,
+        tmp_path: Path,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
     ) -> None:
+        monkeypatch.setattr(run_progress, "ProcessExecutor", lambda workers: InlineExecutor())
         out = str(tmp_path / "ds.zarr")
         args = ["generate", "--dry-run", "--n", "4", "--workers", "1", "--out", out]
         args += ["--resolution", "32x24", "--record-hz", "10", "--set", "block_size=4"]
@@ -247,7 +265,7 @@ class TestForecast:
 def test_processes_are_started_for_the_pilots_as_for_the_run(tmp_path: Path) -> None:
     config = FactoryConfig(resolution=(32, 24), block_size=2)
     found = forecast(Request(config=config, n=6, workers=2, out=tmp_path / "ds.zarr")).expected
-    made = generate.generate(config, 6, tmp_path / "ds.zarr", workers=2)
+    made = generate.generate(config, 6, tmp_path / "ds.zarr", workers=1)
     assert found is not None
     assert found.pilots == 6
     assert found.bytes == made.store.bytes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import errno
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -83,6 +84,33 @@ def out(tmp_path: Path) -> Path:
     return tmp_path / "ds.zarr"
 
 
+def whole_of(n: int, folder: Path) -> Path:
+    """Return a store of so many pretended episodes, made in one run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(block_maker, "run_episode", pretend)
+        generate(CONFIG, n, folder / "ds.zarr", workers=1)
+    return folder / "ds.zarr"
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a store of ten episodes, which no test changes."""
+    return whole_of(10, tmp_path_factory.mktemp("whole"))
+
+
+@pytest.fixture(scope="module")
+def twelve(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a store of twelve episodes, which no test changes."""
+    return whole_of(12, tmp_path_factory.mktemp("twelve"))
+
+
+@pytest.fixture
+def ten(whole: Path, out: Path) -> Path:
+    """Return a copy of the store of ten episodes, with the diary beside it."""
+    shutil.copytree(whole.parent, out.parent, dirs_exist_ok=True)
+    return out
+
+
 class TestARun:
     def test_makes_every_episode_and_counts_it_once(self, out: Path) -> None:
         summary = generate(CONFIG, 10, out, workers=1)
@@ -104,41 +132,35 @@ class TestARun:
             assert m.outcome == dataset[m.index].outcome.name.lower()
             assert m.policy == dataset[m.index].spec.policy
 
-    def test_stores_what_the_recipe_gives(self, out: Path) -> None:
-        generate(CONFIG, 5, out, workers=1)
-        for i, episode in enumerate(Dataset.open(out)):
+    def test_stores_what_the_recipe_gives(self, whole: Path) -> None:
+        for i, episode in enumerate(Dataset.open(whole)):
             assert episode.spec == sample_spec(CONFIG, i)
             assert episode.checksum() == pretend(None, episode.spec).checksum()  # type: ignore[arg-type]
 
-    def test_stores_the_robots_facts(self, out: Path) -> None:
-        generate(CONFIG, 1, out, workers=1)
-        assert Dataset.open(out).attributes["robot"] == ROBOTS["kuka_iiwa"].facts()
+    def test_stores_the_robots_facts(self, whole: Path) -> None:
+        assert Dataset.open(whole).attributes["robot"] == ROBOTS["kuka_iiwa"].facts()
 
-    def test_again_makes_nothing_and_changes_no_byte(self, out: Path) -> None:
-        generate(CONFIG, 10, out, workers=1)
-        before = tree(out.parent)
-        summary = generate(CONFIG, 10, out, workers=1)
-        assert tree(out.parent) == before
+    def test_again_makes_nothing_and_changes_no_byte(self, ten: Path) -> None:
+        before = tree(ten.parent)
+        summary = generate(CONFIG, 10, ten, workers=1)
+        assert tree(ten.parent) == before
         assert (summary.made, summary.already_there) == (0, 10)
         assert summary.episodes_per_second is None
         assert summary.store.committed == 10
 
-    def test_for_fewer_episodes_leaves_the_others(self, out: Path) -> None:
-        generate(CONFIG, 10, out, workers=1)
-        summary = generate(CONFIG, 3, out, workers=1)
+    def test_for_fewer_episodes_leaves_the_others(self, ten: Path) -> None:
+        summary = generate(CONFIG, 3, ten, workers=1)
         assert (summary.made, summary.already_there, summary.store.episodes) == (0, 3, 10)
 
-    def test_that_grows_gives_the_same_bytes_as_one_for_all(self, out: Path) -> None:
+    def test_that_grows_gives_the_same_bytes_as_one_for_all(self, out: Path, whole: Path) -> None:
         for n in (2, 6, 10):
             summary = generate(CONFIG, n, out, workers=1)
         assert (summary.made, summary.already_there) == (4, 6)
-        whole = out.with_name("whole.zarr")
-        generate(CONFIG, 10, whole, workers=1)
         assert_same_tree(out, whole)
 
 
 class TestARunThatIsStopped:
-    def test_keeps_its_blocks_and_goes_on_to_the_same_bytes(self, out: Path) -> None:
+    def test_keeps_its_blocks_and_goes_on_to_the_same_bytes(self, out: Path, whole: Path) -> None:
         def stop_at_six(made: Made) -> None:
             if made.index == 6:
                 raise KeyboardInterrupt
@@ -148,8 +170,6 @@ class TestARunThatIsStopped:
         assert Dataset.open(out).committed.tolist() == [0, 1, 2, 3]
         summary = generate(CONFIG, 10, out, workers=1)
         assert (summary.made, summary.already_there) == (6, 4)
-        whole = out.with_name("whole.zarr")
-        generate(CONFIG, 10, whole, workers=1)
         assert_same_tree(out, whole)
 
     def test_by_a_bug_quarantines_the_episode_and_says_which_error_it_was(
@@ -178,11 +198,6 @@ class TestARunThatIsStopped:
 class TestGrowingACutBlock:
     """Ten episodes in blocks of four: 8 and 9 are alone in theirs."""
 
-    @pytest.fixture
-    def ten(self, out: Path) -> Path:
-        generate(CONFIG, 10, out, workers=1)
-        return out
-
     def test_makes_no_episode_again(self, ten: Path, fake: Callable[[Simulate], None]) -> None:
         def only_new(world: World, spec: EpisodeSpec) -> Episode:
             assert spec.index >= 10, "it is there"
@@ -197,7 +212,7 @@ class TestGrowingACutBlock:
 
     @pytest.mark.parametrize("writes", [1, 60, *soak_only(0, 30, 75)])
     def test_loses_none_on_the_way(
-        self, ten: Path, monkeypatch: pytest.MonkeyPatch, writes: int
+        self, ten: Path, twelve: Path, monkeypatch: pytest.MonkeyPatch, writes: int
     ) -> None:
         want = {i: Dataset.open(ten)[i].checksum() for i in (8, 9)}
         left = writes
@@ -220,12 +235,11 @@ class TestGrowingACutBlock:
             "is missing, as are others up to 11"
         ]
         generate(CONFIG, 12, ten, workers=1)
-        generate(CONFIG, 12, ten.with_name("whole.zarr"), workers=1)
-        assert_same_tree(ten, ten.with_name("whole.zarr"))
+        assert_same_tree(ten, twelve)
 
 
 def test_quarantined_episodes_are_tried_again_when_asked_to(
-    out: Path, fake: Callable[[Simulate], None]
+    out: Path, whole: Path, fake: Callable[[Simulate], None]
 ) -> None:
     def breaks(world: World, spec: EpisodeSpec) -> Episode:
         if spec.index in (1, 6):
@@ -240,20 +254,18 @@ def test_quarantined_episodes_are_tried_again_when_asked_to(
     again = generate(CONFIG, 10, out, 1, retry_quarantined=True, on_episode=made.append)
     assert [one.index for one in made] == [1, 6]
     assert (again.made, again.store.quarantined) == (2, 0)
-    generate(CONFIG, 10, out.with_name("whole.zarr"), workers=1)
-    assert_same_tree(out, out.with_name("whole.zarr"))
+    assert_same_tree(out, whole)
 
 
 def test_going_on_with_other_versions_is_warned_of(
-    out: Path, monkeypatch: pytest.MonkeyPatch
+    ten: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    generate(CONFIG, 4, out, workers=1)
     monkeypatch.setattr(
         platform_check, "changed_versions", lambda facts: ["pybullet: 3.2.7, now 9.9.9"]
     )
     with pytest.warns(GraspFactoryWarning, match=r"other versions \(pybullet: 3\.2\.7, now 9"):
-        generate(CONFIG, 8, out, workers=1)
-    generate(CONFIG, 8, out, workers=1)  # nothing is made: nothing to warn of
+        generate(CONFIG, 12, ten, workers=1)
+    generate(CONFIG, 12, ten, workers=1)  # nothing is made: nothing to warn of
 
 
 class TestARecipeThatCannotBeBuilt:
@@ -306,12 +318,11 @@ def test_a_path_that_is_something_else_is_refused_and_kept(out: Path) -> None:
     assert list(out.parent.iterdir()) == [out]
 
 
-def test_a_store_of_another_config_is_refused_and_kept(out: Path) -> None:
-    generate(CONFIG, 3, out, workers=1)
-    before = tree(out)
+def test_a_store_of_another_config_is_refused_and_kept(ten: Path) -> None:
+    before = tree(ten)
     with pytest.raises(StoreMismatchError, match="seed: 0 against 1"):
-        generate(dataclasses.replace(CONFIG, seed=1), 9, out, workers=1)
-    assert tree(out) == before
+        generate(dataclasses.replace(CONFIG, seed=1), 19, ten, workers=1)
+    assert tree(ten) == before
 
 
 def test_a_store_that_another_run_writes_is_refused(out: Path) -> None:
@@ -372,7 +383,9 @@ class TestARunThatFillsSegments:
     def packed(out: Path) -> list[str]:
         return [segment.file.name for segment in segments(out)]
 
-    def test_packs_them_as_it_goes(self, out: Path) -> None:
+    def test_packs_them_as_it_goes_with_the_same_bytes_however_it_came_to_its_end(
+        self, out: Path
+    ) -> None:
         def stop_at_seven(made: Made) -> None:
             if made.index == 7:
                 raise KeyboardInterrupt
@@ -380,11 +393,6 @@ class TestARunThatFillsSegments:
         with pytest.raises(KeyboardInterrupt):
             generate(CONFIG, 10, out, workers=1, on_episode=stop_at_seven)
         assert self.packed(out) == ["0-0.npz"]
-
-    def test_has_packed_all_at_its_end_with_the_same_bytes_however_it_came_there(
-        self, out: Path
-    ) -> None:
-        self.test_packs_them_as_it_goes(out)
         for n in (10, 14):
             summary = generate(CONFIG, n, out, workers=1)
         assert self.packed(out) == ["0-0.npz", "1-1.npz", "2-2.npz"]
@@ -412,9 +420,8 @@ def test_an_empty_store_has_no_rates(out: Path) -> None:
     assert summary.bytes_per_episode is None
 
 
-def test_a_summary_counts_what_the_store_holds(out: Path) -> None:
-    generate(CONFIG, 10, out, workers=1)
-    dataset = Dataset.open(out)
+def test_a_summary_counts_what_the_store_holds(whole: Path) -> None:
+    dataset = Dataset.open(whole)
     summary = summarise(dataset)
     episodes = list(dataset)
     assert summary.successes == sum(e.success for e in episodes)
@@ -426,33 +433,38 @@ def test_a_summary_counts_what_the_store_holds(out: Path) -> None:
         assert count == sum(e.outcome.name.lower() == word for e in episodes)
     assert sum(t.episodes for t in summary.splits.values()) == 10
     assert sum(t.episodes for t in summary.object_sets.values()) == 10
-    assert summary.bytes == sum(len(data) for data in tree(out).values())
+    assert summary.bytes == sum(len(data) for data in tree(whole).values())
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a store of real episodes that this process has made."""
+    path = tmp_path_factory.mktemp("real") / "ds.zarr"
+    assert generate(TINY, 5, path, workers=1).store.committed == 5
+    return path
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("real_physics")
 class TestRealEpisodes:
-    def test_are_the_same_bytes_for_one_two_and_three_workers(self, tmp_path: Path) -> None:
-        stores = [tmp_path / f"{workers}.zarr" for workers in (1, 2, 3)]
-        for workers, path in enumerate(stores, 1):
-            summary = generate(TINY, 5, path, workers=workers)
-            assert summary.store.committed == 5
-        assert_same_tree(stores[0], stores[1])
-        assert_same_tree(stores[0], stores[2])
+    @pytest.mark.parametrize("workers", [2, *soak_only(3)])
+    def test_are_the_same_bytes_for_one_two_and_three_workers(
+        self, real: Path, out: Path, workers: int
+    ) -> None:
+        assert generate(TINY, 5, out, workers=workers).store.committed == 5
+        assert_same_tree(real, out)
 
-    def test_replay_to_the_same_bytes(self, out: Path) -> None:
-        generate(TINY, 3, out, workers=1)
+    def test_replay_to_the_same_bytes(self, real: Path) -> None:
         for index in (2, 0):
-            result = replay.replay(out, index)
+            result = replay.replay(real, index)
             assert result.same, result.difference
             assert result.changed == ()
 
 
 class TestAReplay:
     @pytest.fixture
-    def store(self, out: Path) -> Path:
-        generate(CONFIG, 4, out, workers=1)
-        return out
+    def store(self, ten: Path) -> Path:
+        return ten
 
     def replay_with(
         self, monkeypatch: pytest.MonkeyPatch, store: Path, change: Callable[[Episode], Episode]
@@ -526,8 +538,8 @@ class TestAReplay:
         assert result.recorded == "too heavy"
 
     def test_of_an_episode_that_is_not_there_names_what_is(self, store: Path) -> None:
-        for index in (-1, 4):
-            with pytest.raises(UsageError, match=f"episode {index}: .* has episodes 0 to 3"):
+        for index in (-1, 10):
+            with pytest.raises(UsageError, match=f"episode {index}: .* has episodes 0 to 9"):
                 replay.replay(store, index)
 
     def test_of_an_episode_that_is_not_made_says_what_to_do(self, out: Path) -> None:

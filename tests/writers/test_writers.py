@@ -15,6 +15,7 @@ import zarr
 from support.fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
 from support.helpers import assert_same_tree, pending_blocks, tree
 from support.places import TESTS
+from support.scale import scaled, soak_only
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -181,7 +182,7 @@ def test_a_crash_before_any_array_leaves_the_block_pending_and_redone_to_the_sam
         write(file, data)
 
     arrays = len(schema.expand(CONFIG))
-    for survivors in range(arrays):
+    for survivors in sorted({*range(0, arrays, scaled(4, 1)), arrays - 1}):
         left = survivors
         (tmp_path / "out/episodes/status/0").unlink(missing_ok=True)  # else its rows are kept
         with monkeypatch.context() as patch, pytest.raises(Crash):
@@ -212,7 +213,7 @@ writer.write_block(0, rows)
 """
 
 
-@pytest.mark.parametrize("survivors", [0, 25, -1])
+@pytest.mark.parametrize("survivors", [*soak_only(0), 25, -1])
 def test_a_process_killed_while_writing_leaves_nothing_that_stays(
     tmp_path: Path, survivors: int
 ) -> None:
