@@ -222,6 +222,8 @@ import atexit, os, signal, sys, time
 from grasp_factory.errors import Terminated
 from grasp_factory.cli.signal_handling import leave, signals_as_exceptions
 def tell(number): os.kill(os.getpid(), number)
+def wait():  # one long sleep would hold up a signal that comes just before it begins
+    for _ in range(6000): time.sleep(0.01)
 """
 
 
@@ -247,7 +249,7 @@ class TestASignal:
             "    with signals_as_exceptions():\n"
             "        try:\n"
             "            import half\n"
-            "            time.sleep(60)\n"
+            "            wait()\n"
             "        finally:\n"
             "            print(half.whole)\n"
             "except KeyboardInterrupt as error:\n"
@@ -265,7 +267,7 @@ class TestASignal:
             "try:\n"
             "    with signals_as_exceptions():\n"
             "        Last()\n"
-            "        time.sleep(60)\n"
+            "        wait()\n"
             "except KeyboardInterrupt:\n"
             "    print('stopped')\n"
         )
@@ -279,12 +281,12 @@ class TestASignal:
             "with signals_as_exceptions():\n"
             "    try:\n"
             "        tell(signal.SIGINT)\n"
-            "        time.sleep(60)\n"
+            "        wait()\n"
             "    finally:\n"
             f"        {then or 'pass'}\n"
             "        print('tidying', flush=True)\n"
             "        tell(signal.SIGINT)\n"
-            "        time.sleep(60)\n"
+            "        wait()\n"
         )
         assert (done.returncode, done.stdout, done.stderr) == (130, "tidying\n", "")
 
