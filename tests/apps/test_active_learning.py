@@ -549,6 +549,7 @@ class TestTurning:
         assert run("flywheel", fly, *FEW)[0] == 0
         assert lasting(fly) == lasting(made)
 
+    @pytest.mark.soak
     def test_a_flywheel_that_was_stopped_goes_on(
         self, made: Path, fly: Path, run: Run, monkeypatch: pytest.MonkeyPatch
     ) -> None:

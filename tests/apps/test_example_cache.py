@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.places import TINY
+from support.scale import soak_only
 from torch.utils.data import DataLoader
 
 from grasp_factory.apps.learning.example_cache import KeptInputs
@@ -98,7 +99,7 @@ def test_no_place_for_the_file_is_no_failure(monkeypatch: pytest.MonkeyPatch) ->
         assert not each.take(np.arange(4))[1].any()
 
 
-@pytest.mark.parametrize("start", ["fork", "spawn"])
+@pytest.mark.parametrize("start", ["fork", *soak_only("spawn")])
 def test_later_epochs_show_what_the_first_did(start: str) -> None:
     examples = GraspDataset(TINY, uses=KINDS["vision"])
     fresh = GraspDataset(TINY, uses=KINDS["vision"], keep_bytes=0)

@@ -524,6 +524,7 @@ class TestARealRun:
         assert alarm["until"] is None
         assert set(alarm["rows"]) <= set(range(4))
 
+    @pytest.mark.soak
     def test_rings_once_when_all_is_quarantined(self, tmp_path: Path) -> None:
         strict = ["--set", "quality.min_sharpness=1", "--set", "quality.min_score=5"]
         options = [*SMALL, *ALONE, *strict, "--max-failures", "1"]
@@ -536,6 +537,7 @@ class TestARealRun:
         assert {entry["outcome"] for entry in last["latest"]} == {"quarantined"}
         assert all("sharpness" in entry["error"] for entry in last["latest"])
 
+    @pytest.mark.soak
     def test_stops_by_ctrl_c_as_fast_as_ever_and_goes_on(self, tmp_path: Path) -> None:
         out = tmp_path / "ds.zarr"
         with running(out, 40) as run:

@@ -534,6 +534,7 @@ class TestALongRun:
         )
         self.check_that_it_goes_on(out)
 
+    @pytest.mark.soak
     def test_stops_at_sigterm_like_at_ctrl_c_with_its_own_exit_code(
         self, out: Path, process: subprocess.Popen[str]
     ) -> None:

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from support.elsewhere import HERE, THERE, set_texts
 from support.fake_episodes import JOINTS, make_rows, small_config
 from support.helpers import assert_same_tree, tree
-from support.scale import scaled
+from support.scale import scaled, soak_only
 from support.scenes import SMALL
 from support.stored import old_store
 
@@ -335,6 +335,7 @@ class TestPartsOfOneDataset:
         assert "cpu: 'Z80' against" in done.warnings[0]
         assert_same_tree(tmp_path / "out", stores / "whole")
 
+    @pytest.mark.soak
     def test_shards_that_were_made_apart_are_the_dataset(self, tmp_path: Path) -> None:
         settings = ("--n", 4, "--resolution", "32x24", "--set", "block_size=2", "--workers", 1)
         for out, more in (("a", ("--shard", "0/2")), ("b", ("--shard", "1/2")), ("want", ())):
@@ -405,6 +406,7 @@ class TestSeveralSeeds:
         assert again.sources == done.sources
         assert len(done.warnings) == 1
 
+    @pytest.mark.soak
     def test_the_result_does_not_depend_on_the_grouping(self, stores: Path, tmp_path: Path) -> None:
         third = make_store(tmp_path / "third", replace(CONFIG, seed=9), blocks=[0, 1])
         a, b, c, d = stores / "even", stores / "other", stores / "odd", third
@@ -737,7 +739,7 @@ class TestKilled:
         process.send_signal(signal.SIGKILL)
         assert process.wait() == -signal.SIGKILL
 
-    @pytest.mark.parametrize("into_a_directory", [False, True])
+    @pytest.mark.parametrize("into_a_directory", [True, *soak_only(False)])
     def test_nothing_is_there_and_it_can_be_run_again(
         self, many: Path, tmp_path: Path, into_a_directory: bool
     ) -> None:

@@ -10,12 +10,12 @@ import time
 
 import pytest
 from support.helpers import assert_same_tree
-from support.scale import soak_only
+from support.scale import scaled, soak_only
 
 from grasp_factory.dataset.dataset import Dataset
 
 pytestmark = pytest.mark.slow
-N = 14
+N = scaled(10, 14)
 TINY = ("--resolution", "96x72", "--set", "block_size=4", "--quiet")
 
 
@@ -39,13 +39,14 @@ def test_the_number_of_workers_does_not_change_a_byte(alone, tmp_path, workers):
     assert_same_tree(alone, tmp_path / "ds.zarr")
 
 
+@pytest.mark.soak
 def test_growing_step_by_step_gives_the_bytes_of_one_run(alone, tmp_path):
     for n in (2, 5, N):
         generate(tmp_path / "ds.zarr", n=n, workers=2)
     assert_same_tree(alone, tmp_path / "ds.zarr")
 
 
-@pytest.mark.parametrize("stop", [signal.SIGKILL, *soak_only(signal.SIGINT, signal.SIGTERM)])
+@pytest.mark.parametrize("stop", soak_only(signal.SIGKILL, signal.SIGINT, signal.SIGTERM))
 def test_a_run_that_was_stopped_is_completed_to_the_same_bytes(alone, tmp_path, stop):
     out = tmp_path / "ds.zarr"
     command = [sys.executable, "-m", "grasp_factory", "generate", "--n", str(N), "--seed", "3",

@@ -9,6 +9,8 @@ import shutil
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from support.browse_process import Running, browsing
@@ -81,6 +83,26 @@ for module in pkgutil.walk_packages(grasp_factory.__path__, "grasp_factory.", on
     except MissingLibraryError:
         print(module.name.removeprefix("grasp_factory."))
 """
+
+
+RUN_ALL = """
+import contextlib, io, json, os, sys
+from grasp_factory.__main__ import main as command
+done = {}
+for line, folder in json.load(sys.stdin).items():
+    os.chdir(folder)
+    sys.argv = ["grasp-factory", *line.split()]
+    out, err = io.StringIO(), io.StringIO()
+    code = None
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            command()
+        except SystemExit as left:
+            code = left.code or 0
+    done[line] = {"returncode": code, "stdout": out.getvalue(), "stderr": err.getvalue()}
+print(json.dumps(done))
+"""
+"""Runs each line of a table in its folder, all in one process: to start one takes a second."""
 
 
 def lines(table: Mapping[str, Iterable[str]]) -> list[str]:
@@ -161,27 +183,46 @@ def test_only_what_simulates_imports_the_simulator(
     assert [word for word in SIMULATORS if not any(n.startswith(word) for n in found)] == []
 
 
+@pytest.fixture(scope="module")
+def runs(
+    python: Path, stores: Path, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, tuple[Path, Any]]:
+    """Return, for each line of both tables, its folder and what it did there."""
+    folder = tmp_path_factory.mktemp("runs")
+    places = {
+        line: shutil.copytree(stores, folder / str(number))
+        for number, line in enumerate([*lines(RUNS), *lines(SIMULATES)])
+    }
+    done = subprocess.run(
+        [python, "-W", "error", "-c", RUN_ALL],
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY), VARIABLE: str(folder / "cache")},
+        input=json.dumps({line: str(place) for line, place in places.items()}),
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    found = json.loads(done.stdout)
+    return {line: (place, SimpleNamespace(**found[line])) for line, place in places.items()}
+
+
 @pytest.mark.parametrize("line", lines(RUNS))
 def test_a_command_that_simulates_nothing_runs(
-    line: str, python: Path, here: Path, variables: dict[str, str]
+    line: str, runs: dict[str, tuple[Path, Any]]
 ) -> None:
-    done = run(python, ["-m", "grasp_factory", *line.split()], here, variables)
+    _, done = runs[line]
     assert done.returncode == 0, done.stderr
     assert done.stdout
 
 
 @pytest.mark.parametrize("line", lines(SIMULATES))
 def test_a_command_that_simulates_says_what_to_install(
-    line: str, python: Path, here: Path, variables: dict[str, str]
+    line: str, runs: dict[str, tuple[Path, Any]], stores: Path
 ) -> None:
-    before = tree(here)
-    done = run(python, ["-m", "grasp_factory", *line.split()], here, variables)
+    place, done = runs[line]
     assert done.returncode == 2, done.stderr
     (said,) = done.stderr.splitlines()
     assert said.startswith("Error: this simulates or reads PyBullet's models and needs pybullet")
     assert "pip install 'grasp-factory[simulation]' (wheels: CPython up to 3.11" in said
     assert done.stdout == ""
-    assert tree(here) == before
+    assert tree(place) == tree(stores)
 
 
 def test_a_recording_leaves_out_what_pybullet_draws_and_says_so(

@@ -81,6 +81,7 @@ class TestLooks:
 
 
 class TestDeterminism:
+    @pytest.mark.soak
     def test_strong_gives_the_same_bytes_for_any_number_of_workers(self, tmp_path: Path) -> None:
         for workers in (1, 3):
             run = [*COMMAND, *STRONG, "--n", "5", "--workers", str(workers)]
