@@ -44,6 +44,8 @@ from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, Us
 from grasp_factory.policies import model_registry as models
 from grasp_factory.policies.networks import load_model
 
+pytestmark = pytest.mark.slow
+
 Run = Callable[..., tuple[int, str, str]]
 SHA256 = "5" * 64
 DIARY = ".runs.jsonl"
@@ -489,7 +491,6 @@ def fly(made: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(made, tmp_path / "fly"))
 
 
-@pytest.mark.slow
 class TestTurning:
     def test_the_same_command_changes_nothing(self, made: Path, fly: Path, run: Run) -> None:
         code, text, _ = run("flywheel", fly, *FEW)

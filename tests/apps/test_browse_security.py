@@ -634,6 +634,7 @@ class TestScript:
             assert "src=" in tag
             assert rest.lstrip().startswith("</script>")
 
+    @pytest.mark.slow
     def test_a_bug_shows_nobody_a_traceback(
         self, store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

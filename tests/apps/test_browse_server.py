@@ -47,6 +47,8 @@ from grasp_factory.signals.touch import contact_values
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr.store import prepare_store
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config(video_hz=10)
 N, QUARANTINED = 14, 5
 MISSING = range(8, 12)
@@ -807,7 +809,6 @@ class TestTheCommand:
             assert server.get("/api/library")[0] == server.get("/thumb/0/0.jpg")[0] == 200
             assert server.stop() == (0, "", "")
 
-    @pytest.mark.slow
     def test_it_ends_quietly_while_many_are_being_answered(self, stores: tuple[Path, Path]) -> None:
         addresses = ["/cloud/0/0/0", "/api/library", "/static/main.js", "/api/series/0/1"]
         for _ in range(scaled(2, 6)):

@@ -324,6 +324,7 @@ def test_added_labels_are_told_and_in_the_table(tiny: Path) -> None:
     assert words == [names(Outcome)[code] for code in label]
 
 
+@pytest.mark.slow
 def test_a_store_that_was_put_together_says_so(tmp_path: Path) -> None:
     parts = [
         write_store(tmp_path / f"{seed}.zarr", dataclasses.replace(CONFIG, seed=seed), 4)
@@ -508,6 +509,7 @@ def test_a_card_is_written_again_as_long_as_nobody_changed_it(tiny: Path) -> Non
     write_card(tiny, publication=SAID)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_that_somebody_changed_is_kept(name: str, tiny: Path) -> None:
     card = Path(write_card(tiny).path)

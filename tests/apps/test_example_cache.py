@@ -99,6 +99,7 @@ def test_no_place_for_the_file_is_no_failure(monkeypatch: pytest.MonkeyPatch) ->
         assert not each.take(np.arange(4))[1].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["fork", *soak_only("spawn")])
 def test_later_epochs_show_what_the_first_did(start: str) -> None:
     examples = GraspDataset(TINY, uses=KINDS["vision"])

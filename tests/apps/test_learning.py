@@ -38,6 +38,8 @@ from grasp_factory.errors import ConfigError, UsageError
 from grasp_factory.policies.networks import KINDS, TOUCH, TouchWindow, load_model, save_model
 from grasp_factory.signals.grasp_crop import CropShape
 
+pytestmark = pytest.mark.slow
+
 Run = Callable[..., tuple[int, str, str]]
 CROP = CropShape(size=24)
 QUICK = TrainSettings(epochs=3)
@@ -309,7 +311,6 @@ def test_touch_is_judged_on_what_got_to_the_lift(stores: tuple[Path, Path]) -> N
     assert 0 < len(lifted) < len(dataset)
 
 
-@pytest.mark.slow
 def test_a_comparison_has_every_baseline_on_its_population(stores: tuple[Path, Path]) -> None:
     learn, test = map(Dataset.open, stores)
     found = compare(learn, test, Course(episodes=60, settings=QUICK, crop=CROP))

@@ -57,6 +57,8 @@ from grasp_factory.simulation.world import World
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
+pytestmark = pytest.mark.slow
+
 GOOD = {
     "sharpness": 0.9,
     "exposure": 0.55,
@@ -471,7 +473,6 @@ class TestFactsOfAStore:
         assert 0.3 * size < 4 * found.per_episode <= size
 
 
-@pytest.mark.slow
 class TestARealRun:
     def test_is_told_while_it_runs_and_to_its_end(self, tmp_path: Path) -> None:
         out = tmp_path / "ds.zarr"

@@ -21,6 +21,8 @@ from grasp_factory.cli.check_physics import figures_text
 from grasp_factory.core.enums import Outcome
 from grasp_factory.simulation.world import World
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def successes():

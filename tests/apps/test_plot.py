@@ -38,6 +38,8 @@ from grasp_factory.signals.plot_series import curve_groups, pad_forces, phase_sp
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
+pytestmark = pytest.mark.slow
+
 DATASET = Dataset.open(TINY)
 PAD = (0.02, 0.05)
 

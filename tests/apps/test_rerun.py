@@ -96,6 +96,7 @@ def both(
 
 
 class TestARecording:
+    @pytest.mark.slow
     def test_has_one_clock_a_layout_and_a_name_that_stays(self, both: tuple[Episode, Read]) -> None:
         episode, read = both
         assert read.timelines == {"time"}
@@ -355,6 +356,7 @@ class TestCommand:
         assert "this needs rerun, which is not installed: pip install 'grasp-factory[rerun]'" in err
         assert list(tmp_path.iterdir()) == []
 
+    @pytest.mark.slow
     def test_writes_nothing_into_the_users_folders(self, tmp_path: Path) -> None:
         home = tmp_path / "home"
         home.mkdir()

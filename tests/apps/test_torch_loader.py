@@ -31,6 +31,8 @@ from grasp_factory.policies.networks import KINDS, TouchWindow, mirrored
 from grasp_factory.signals.grasp_crop import CropShape
 from grasp_factory.torch import Example, GraspDataset, GraspStream
 
+pytestmark = pytest.mark.slow
+
 N = 22
 SMALL = CropShape(size=12)
 BOTH = KINDS["both"]

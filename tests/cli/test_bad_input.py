@@ -146,6 +146,7 @@ def checked_mapping(text: str) -> Any:
     return data if isinstance(data, dict) else {}
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     st.binary(max_size=200)
@@ -193,6 +194,7 @@ def test_every_option_of_generate_is_tried_here() -> None:
     assert valued == {*OPTIONS, "--out"}
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(
     st.lists(st.tuples(st.sampled_from(OPTIONS), TEXTS), min_size=1, max_size=3),
@@ -206,6 +208,7 @@ def test_any_values_of_options_are_taken_or_refused_in_one_line(
         check_refusal(run("generate", "--out", "new.zarr", *words))
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(TEXTS.filter(lambda text: not text.startswith("-")))
 def test_a_store_is_made_nowhere_but_where_one_can_be(place: Path, text: str) -> None:
@@ -233,6 +236,7 @@ OTHERS = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(OTHERS)
 def test_any_words_after_another_command_are_taken_or_refused(
@@ -325,6 +329,7 @@ NEARBY = ("zarr.json", "episodes/zarr.json", "episodes/status/zarr.json", "episo
           "cameras/front/rgb/zarr.json", "streams/phase/zarr.json")  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=scaled(20, 60))
 @given(st.sampled_from(NEARBY), damages(), st.sampled_from([2, 3]))
 def test_generate_on_a_store_of_damaged_metadata_goes_on_or_refuses_it_as_it_is(

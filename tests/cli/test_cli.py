@@ -95,6 +95,7 @@ def one_line(text: str) -> str:
 
 
 class TestGenerate:
+    @pytest.mark.slow
     def test_makes_a_store_and_prints_a_summary(self, run: Run) -> None:
         result = run("generate", "--n", 2, "--workers", 1, "--out", "ds.zarr", *TINY)
         assert result.code == 0
@@ -374,6 +375,7 @@ def test_info_lists_the_arrays_of_the_schema_and_labels_and_nothing_strange(
     assert more == ["labels/strict/outcome", "labels/strict/success"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [*soak_only("<&-", "2>&-"), ">&-", "<&- >&- 2>&-"])
 def test_closed_streams_are_no_failure(store: Path, closed: str) -> None:
     command = f"'{sys.executable}' -m grasp_factory info '{store}' {closed}"
@@ -518,6 +520,7 @@ class TestALongRun:
         assert after.committed.tolist() == list(range(n))
         assert {i: str(after.column("checksum")[i]) for i in kept} == before
 
+    @pytest.mark.slow
     def test_stops_at_ctrl_c_and_says_how_to_go_on(
         self, out: Path, process: subprocess.Popen[str]
     ) -> None:
@@ -554,6 +557,7 @@ class TestALongRun:
         ]
         self.check_that_it_goes_on(out)
 
+    @pytest.mark.slow
     def test_shows_each_episode_on_a_terminal(self, out: Path) -> None:
         pid, terminal = pty.fork()
         if pid == 0:

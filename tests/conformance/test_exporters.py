@@ -60,6 +60,7 @@ PLACES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", PLACES)
 def test_a_place_that_cannot_be_written_to_is_refused(tmp_path: Path, what: str) -> None:
     name, message = PLACES[what]

@@ -93,6 +93,7 @@ class TestPolicy:
         other = [(T, size, Label.TARGET + 1) for T, size, _ in brick(0.5, 0.1, 0.0)]
         assert proposed(policy, make_view(other, gripper)) == ()
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("height", [0.012, 0.05, 0.15])
     def test_grasps_are_rigid_within_their_tilt_and_off_the_table(
         self, policy: str, gripper: Gripper, height: float

@@ -94,6 +94,7 @@ class TestEveryWriter:
         writer.write_block(2, make_rows(CONFIG, 2, N))
         assert list(read(writer)) == [4]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("indices", [[], [1], [1, 2], [0, 0], [0, 2], [0, 1, 2]])
     def test_refuses_rows_that_are_not_the_block(
         self, writer: Writer, read: Any, indices: list[int]

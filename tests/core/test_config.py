@@ -255,6 +255,7 @@ HOSTILE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", HOSTILE, ids=lambda text: text[:20])
 def test_whatever_stands_where_yaml_should_is_an_error_of_one_short_line(
     tmp_path: Path, text: str

@@ -54,6 +54,8 @@ from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.metadata_checksum import SEAL, seal
 from grasp_factory.writers.zarr.store import create_store, prepare_store
 
+pytestmark = pytest.mark.slow
+
 COMMAND = [sys.executable, "-m", "grasp_factory"]
 CONFIG = small_config(resolution=[16, 16])
 OTHER = replace(CONFIG, seed=5)
@@ -237,7 +239,6 @@ class TestPartsOfOneDataset:
         assert done.can_grow
         assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
-    @pytest.mark.slow
     @settings(max_examples=scaled(2, 8))
     @given(
         spread=st.lists(st.sets(st.integers(0, 2), max_size=3), min_size=4, max_size=4),
@@ -431,7 +432,6 @@ class TestSeveralSeeds:
         everything = b"".join(tree(mixed).values())
         assert b"secret_place" not in everything
 
-    @pytest.mark.slow
     @settings(max_examples=scaled(2, 8))
     @given(
         parts=st.lists(
@@ -701,7 +701,6 @@ class TestRefusals:
         assert list(tmp_path.rglob("*")) == [out] * into_a_directory
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(scaled(2, 12)))
 def test_a_byte_that_changed_is_refused_or_has_no_part_in_the_result(
     stores: Path, tmp_path: Path, seed: int

@@ -22,6 +22,8 @@ from grasp_factory.robots import ROBOTS
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
+pytestmark = pytest.mark.slow
+
 EPISODES = 20
 
 

@@ -63,6 +63,8 @@ from grasp_factory.writers.zarr import segment_packing
 from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.metadata_checksum import set_rows
 
+pytestmark = pytest.mark.slow
+
 PACKED = "packed/0-1.npz"
 
 
@@ -296,7 +298,6 @@ def test_rows_beside_a_broken_quarantine_are_kept(
     assert_same_tree(store, copy)
 
 
-@pytest.mark.slow
 def test_a_recipe_that_kills_its_worker_is_quarantined_again(copy: Path, tmp_path: Path) -> None:
     row, block = quarantined(copy)
     file = copy / "episodes/error" / str(block)
@@ -500,7 +501,6 @@ repair(sys.argv[1])
 """
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::grasp_factory.errors.StaleLockWarning")
 def test_a_repair_that_is_killed_loses_nothing_and_can_be_run_again(
     store: Path, tmp_path: Path
@@ -626,7 +626,6 @@ def read_all(path: Path) -> None:
     dataset.arrays()
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
 @pytest.mark.parametrize("name", sampled(DOCUMENTS, 6))
 @settings(max_examples=scaled(4, 20), suppress_health_check=[HealthCheck.too_slow])
@@ -654,7 +653,6 @@ def test_metadata_of_any_kind_is_an_error_of_ours_or_harmless(
         (scratch / name).write_bytes(whole)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(DOCUMENTS, 5))
 def test_metadata_of_any_kind_is_mended_or_left(store: Path, tmp_path: Path, name: str) -> None:
     """The same for what writes; a mutation of each kind, for each is a repair."""

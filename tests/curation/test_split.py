@@ -27,6 +27,8 @@ from grasp_factory.writers.zarr.header import root_attributes
 from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.store import create_store
 
+pytestmark = pytest.mark.slow
+
 COMMAND = [sys.executable, "-m", "grasp_factory"]
 CONFIG = small_config(resolution=[16, 16])
 N = 16
@@ -91,7 +93,6 @@ class TestSplit:
             assert new.verify(row)
             assert new[row].checksum() == old[i].checksum()
 
-    @pytest.mark.slow
     @settings(max_examples=scaled(2, 6))
     @given(data=st.data())
     def test_the_parts_give_all_rows_back(

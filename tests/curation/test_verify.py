@@ -58,6 +58,8 @@ from grasp_factory.writers.zarr.layout import ZSTD_LEVEL
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
+pytestmark = pytest.mark.slow
+
 FLIPS = scaled(10, 200)
 
 
@@ -116,7 +118,6 @@ class TestAWholeStore:
         assert sorted(seen) == list(range(N))
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_a_changed_byte_is_reported_or_is_no_content(store: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(store, tmp_path / "store"))

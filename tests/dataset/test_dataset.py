@@ -69,6 +69,7 @@ def test_an_episode_comes_back_bit_for_bit(dataset: Dataset) -> None:
         assert type(got.columns[name]) is type(value), name
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(
     seed=st.integers(0, 2**63 - 1),

@@ -116,6 +116,7 @@ class TestRows:
         (store,) = index.stores
         assert (store.rows, store.committed) == (len(places), len(places) - len(QUARANTINED))
 
+    @pytest.mark.slow
     def test_it_has_every_scalar_column_of_the_store(self, store: Path) -> None:
         known = {column.name for column in COLUMNS}
         scalar = {n for n in Dataset.open(store).columns if Dataset.open(store).column(n).ndim == 1}
@@ -572,6 +573,7 @@ class TestFile:
 class TestSharing:
     """Several threads and processes at one index."""
 
+    @pytest.mark.slow
     def test_readers_go_on_while_it_is_brought_up_to_date(self, store: Path) -> None:
         log, stop, faults = AnnotationLog(store), threading.Event(), []
 
@@ -599,6 +601,7 @@ class TestSharing:
             assert faults == []
             assert index.count(ALL) == 18
 
+    @pytest.mark.slow
     def test_processes_that_open_it_at_once(self, store: Path) -> None:
         code = (
             "import sys; from pathlib import Path;"

@@ -213,6 +213,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class TestWhatIsFound:
     """The database against a plain filter."""
 
+    @pytest.mark.slow
     @given(
         st.lists(rows(), max_size=3 * FEW),
         st.lists(st.tuples(st.lists(conditions(), max_size=3), sorts()), min_size=1, max_size=8),

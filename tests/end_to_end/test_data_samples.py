@@ -49,6 +49,7 @@ def test_its_recipes_are_those_that_its_config_and_seed_give(dataset):
         assert sample_spec(dataset.config, i) == dataset.spec(i)
 
 
+@pytest.mark.slow
 def test_the_stated_command_makes_it_again(dataset, tmp_path):
     text = (SAMPLES / "README.md").read_text()
     program, *arguments = shlex.split(re.findall(r"```\n(.*?)\n```", text, re.DOTALL)[0])

@@ -20,6 +20,8 @@ from grasp_factory.core.sensors import SENSORS, SensorModel, SeriesGroup
 from grasp_factory.curation.verify.time_series import series_faults
 from grasp_factory.errors import ConfigError
 
+pytestmark = pytest.mark.slow
+
 FILE = """
 from array import array
 

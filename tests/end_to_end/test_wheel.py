@@ -15,6 +15,8 @@ from support.places import REPOSITORY
 
 from grasp_factory.dataset.dataset import Dataset
 
+pytestmark = pytest.mark.slow
+
 PIP = (sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check")
 PACKAGE = REPOSITORY / "grasp_factory"
 SHIPPED = ("robots/assets/*", "objects/assets/*.obj", "objects/blobs.csv")

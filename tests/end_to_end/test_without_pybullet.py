@@ -28,6 +28,8 @@ from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory.generate import generate
 
+pytestmark = pytest.mark.slow
+
 RUNS: Mapping[str, tuple[str, ...]] = {
     "generate": ("--print-config",),
     "objects": ("", "meshes"),
@@ -274,7 +276,6 @@ def test_the_page_serves_episodes_of_both_robots(server: Running) -> None:
         assert ("note" in links) != has_arm
 
 
-@pytest.mark.slow
 def test_the_page_opens_an_episode_and_says_why_its_arm_is_not_drawn(server: Running) -> None:
     with chromium() as page:
         page.open(server.url)

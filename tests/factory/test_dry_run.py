@@ -28,6 +28,8 @@ from grasp_factory.factory.pilot_blocks import FEWEST, Pilot, is_enough, relativ
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.world import World
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config()  # blocks of 4
 
 
@@ -261,7 +263,6 @@ class TestForecast:
         assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
 def test_processes_are_started_for_the_pilots_as_for_the_run(tmp_path: Path) -> None:
     config = FactoryConfig(resolution=(32, 24), block_size=2)
     found = forecast(Request(config=config, n=6, workers=2, out=tmp_path / "ds.zarr")).expected

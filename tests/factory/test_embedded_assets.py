@@ -19,6 +19,8 @@ from support.places import REPOSITORY
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory import generate as factory
 
+pytestmark = pytest.mark.slow
+
 COMMAND = [sys.executable, "-m", "grasp_factory"]
 SMALL = ("--resolution", "64x48", "--set", "block_size=2", "--policy", "top_down", "--n", "4")
 

@@ -45,6 +45,8 @@ from grasp_factory.writers.zarr import segment_packing, writer
 from grasp_factory.writers.zarr.column_segments import segments
 from grasp_factory.writers.zarr.lock import StoreLock
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config()  # blocks of 4
 TINY = FactoryConfig(resolution=(32, 24), block_size=2)
 Simulate = Callable[[World, EpisodeSpec], Episode]
@@ -444,7 +446,6 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("real_physics")
 class TestRealEpisodes:
     @pytest.mark.parametrize("workers", [2, *soak_only(3)])

@@ -20,6 +20,8 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory.generate import generate
 from grasp_factory.policies.networks import KINDS, TOUCH
 
+pytestmark = pytest.mark.slow
+
 N = 4
 KNOWN_BEFORE = {
     *("episodes/status", "episodes/spec", "episodes/seed", "episodes/index"),

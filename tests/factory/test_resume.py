@@ -28,6 +28,8 @@ from grasp_factory.factory.generate import generate
 from grasp_factory.factory.run_request import Request, Shard
 from grasp_factory.simulation.world import World
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config()  # blocks of 4
 REFUSED = (
     r"ds\.zarr was begun on another platform: the fingerprint differs in engine \(simulation"

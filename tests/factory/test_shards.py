@@ -26,6 +26,8 @@ from grasp_factory.factory.generate import RunPlan, generate
 from grasp_factory.factory.run_request import Request, Shard
 from grasp_factory.writers.zarr.lock import ShardLock, StoreLock
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config()  # blocks of 4
 
 
@@ -181,7 +183,6 @@ class TestTheirLocks:
             assert first.try_alone()
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(180)
 def test_parts_that_are_made_at_the_same_time_give_the_bytes_of_one_run(tmp_path: Path) -> None:
     def start(*args: str) -> subprocess.Popen[str]:

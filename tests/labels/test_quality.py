@@ -161,6 +161,7 @@ SPOILED: dict[str, tuple[str, Callable[[Episode], Episode]]] = {
 
 
 class TestCriteria:
+    @pytest.mark.slow
     def test_clean_episodes_score_best(self) -> None:
         for episode in default_episodes(20):
             assert missed_groups(found_in(episode)) == set()
@@ -466,6 +467,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class TestInTheStore:
+    @pytest.mark.slow
     def test_columns_are_those_measured_on_what_is_stored(self, store: Path) -> None:
         dataset = Dataset.open(store)
         columns = {name: dataset.column(name) for name in MEASURED}

@@ -37,6 +37,8 @@ from grasp_factory.objects.importing.child import Child, CrashError
 from grasp_factory.objects.importing.job import Job, Shape
 from grasp_factory.simulation.world import World
 
+pytestmark = pytest.mark.slow
+
 WIDEST = 0.11
 BOX = nasty_meshes.encode("obj", *nasty_meshes.shapes()["box"])
 RING = nasty_meshes.encode("stl", *nasty_meshes.shapes()["ring"])

@@ -21,6 +21,8 @@ from grasp_factory.objects.importing.tidy import MAX_FACES, closed_bodies, tidie
 from grasp_factory.objects.importing.units import guess_scale, sides
 from grasp_factory.objects.obj_file import triangles
 
+pytestmark = pytest.mark.slow
+
 SHAPES = nasty_meshes.shapes()
 
 

@@ -21,6 +21,8 @@ from grasp_factory.objects.importing.references import mesh_file
 from grasp_factory.objects.importing.settings import Settings
 from grasp_factory.objects.importing.urdf import parse_urdf
 
+pytestmark = pytest.mark.slow
+
 BOX = '<collision><geometry><box size="0.03 0.04 0.06"/></geometry></collision>'
 MESH = nasty_meshes.encode("obj", *nasty_meshes.shapes()["ring"])
 

@@ -256,6 +256,7 @@ class TestUnitMeshes:
 
 
 class TestEngine:
+    @pytest.mark.slow
     @families
     def test_what_is_seen_is_what_collides(self, world: World, family: str) -> None:
         """Within the 0.2 mm that chords lie inside a circle, but for Bullet's margin on hulls."""

@@ -180,6 +180,7 @@ class TestClosedForms:
 
 @families
 class TestFamilies:
+    @pytest.mark.slow
     def test_volume_center_and_inertia_are_those_of_the_voxels_inside(self, family: str) -> None:
         body = body_of(family)
         points, each = voxels(body.parts)
@@ -193,6 +194,7 @@ class TestFamilies:
         expected = np.eye(3) * np.trace(spread) - spread
         np.testing.assert_allclose(inertia(body), expected, atol=0.01 * np.trace(spread))
 
+    @pytest.mark.slow
     def test_parts_do_not_overlap(self, family: str) -> None:
         for number in range(3):
             body = body_of(family, number)

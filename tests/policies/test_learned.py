@@ -36,6 +36,8 @@ from grasp_factory.policies.clearance import is_hit, open_gripper
 from grasp_factory.policies.learned import LearnedParameters
 from grasp_factory.policies.top_down import grasp_height
 
+pytestmark = pytest.mark.slow
+
 N = 6
 SHA256 = "0" * 64
 SMALL = ("--resolution", "96x72", "--set", "block_size=4", "--quiet", "--n", N)

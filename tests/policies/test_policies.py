@@ -149,6 +149,7 @@ class TestTopDown:
         assert turn < 10.0
         assert math.dist(best.T_world_tcp[:2, 3], (x, y)) < 0.005
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("place", PLACES)
     def test_the_open_gripper_clears_the_target(
         self, gripper: Gripper, place: tuple[float, float, float]
@@ -352,6 +353,7 @@ class TestAntipodal:
                 assert abs(at[0]) < BRICK[0] / 2.0
                 assert abs(at[2]) < BRICK[2] / 2.0 + gripper.pad_size[1] / 2.0
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("place", PLACES)
     @pytest.mark.parametrize("height", [0.03, 0.05, 0.12])
     def test_the_open_gripper_clears_the_target(
@@ -362,6 +364,7 @@ class TestAntipodal:
         assert {grasp.proposer for grasp in grasps} == {""}
         assert not [grasp for grasp in grasps if overlaps(grasp, gripper, boxes)]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("radius", [0.015, 0.03])
     @pytest.mark.parametrize("height", [0.04, 0.10])
     def test_it_closes_across_the_axis_of_a_cylinder(

@@ -86,6 +86,7 @@ def assert_solves(chain: Chain, q: np.ndarray, T_base_tip: np.ndarray) -> None:
     assert np.all((chain.lower <= q) & (q <= chain.upper))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", ARMS)
 @pytest.mark.parametrize(
     "postures",
@@ -115,6 +116,7 @@ def test_ik_reaches_the_table_from_above_whichever_way_the_hand_is_turned(arm: s
                 assert_solves(ARMS[arm], result.joint_positions, T_base_tip)
 
 
+@pytest.mark.slow
 def test_the_iiwa_misses_from_above_only_what_its_elbow_cannot_reach() -> None:
     shoulder = np.array([0.0, 0.0, 0.36])
     upper_arm, forearm, wrist_to_tip = 0.42, 0.40, 0.081 + 0.195  # model.urdf and the tool
@@ -206,6 +208,7 @@ def test_an_unreachable_pose_is_no_success_and_its_errors_are_true(T_base_tip: n
         assert ik_solutions(chain, T_base_tip, HOME[arm]).shape == (0, 7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("T_base_tip", [top_down(0.95, 0.0, 0.3, 0.4), top_down(0.1, 0, -0.3, 1)])
 @pytest.mark.parametrize("arm", ARMS)
 def test_the_closest_posture_to_an_unreachable_pose_does_not_depend_on_the_start(

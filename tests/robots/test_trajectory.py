@@ -179,6 +179,7 @@ class TestPlan:
                 assert forward.min() > -1e-6
                 assert forward.max() < 1.02 * speed
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("config", CONFIGS)
     def test_no_joint_exceeds_its_share_of_the_datasheets_speed(
         self, robot: str, config: str

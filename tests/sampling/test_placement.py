@@ -59,6 +59,7 @@ def test_boxes_are_those_of_the_turned_corners(box: tuple[float, ...], seed: int
     np.testing.assert_allclose(turned.max(axis=0), target.upper, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 3, 5, MAX_OBJECTS])
 def test_places_lie_in_the_workspace_and_most_heaps_stay_below_the_hand(count: int) -> None:
     config = FactoryConfig(clutter=ClutterConfig(count=count))

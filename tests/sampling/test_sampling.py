@@ -143,6 +143,7 @@ def cameras(recipes: Sequence[EpisodeSpec]) -> list[object]:
 
 
 class TestStreams:
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("stream", "changes"),
         [
@@ -240,12 +241,14 @@ class TestRecipe:
         assert (middle >= np.array(space.lower[:2]) + space.margin - 1e-9).all()
         assert (middle <= np.array(space.upper[:2]) - space.margin + 1e-9).all()
 
+    @pytest.mark.slow
     def test_orientations_favour_no_direction(self) -> None:
         drawn = [spec.objects[0].drop_pose.matrix()[:3, :3] for spec in specs(CONFIG, DRAWS)]
         # An entry of a uniform rotation has mean 0 and variance 1/3.
         np.testing.assert_allclose(np.mean(drawn, axis=0), 0.0, atol=4.0 / math.sqrt(3 * DRAWS))
         np.testing.assert_allclose(np.mean(np.square(drawn), axis=0), 1 / 3, atol=0.03)
 
+    @pytest.mark.slow
     def test_drop_places_fill_the_workspace(self) -> None:
         config = FactoryConfig(object_sets={"classic": 1.0})
         xy = np.array([spec.objects[0].drop_pose.position[:2] for spec in specs(config, DRAWS)])
@@ -255,6 +258,7 @@ class TestRecipe:
 
 
 class TestWeights:
+    @pytest.mark.slow
     def test_names_are_drawn_by_weight(self) -> None:
         config = FactoryConfig(
             policies={"uniform": 3.0, "top_down": 1.0}, object_sets={"blobs": 0.8, "classic": 0.2}
@@ -268,6 +272,7 @@ class TestWeights:
             assert counts.total() == DRAWS
             assert abs(counts[name] - DRAWS * share) < 4 * deviation
 
+    @pytest.mark.slow
     def test_objects_of_a_set_are_drawn_evenly(self) -> None:
         config = FactoryConfig(object_sets={"classic": 1.0})
         counts = Counter(spec.objects[0].object_id for spec in specs(config, DRAWS))
@@ -305,6 +310,7 @@ class TestWeights:
 class TestSplits:
     """An object belongs to a split for ever, and so does an episode with all that lies in it."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("count", [1, 4])
     @pytest.mark.parametrize("object_sets", [{"procedural": 1.0}, FactoryConfig().object_sets])
     def test_no_object_occurs_in_two_splits(
@@ -320,6 +326,7 @@ class TestSplits:
         assert not seen["train"] & seen["val"]
         assert not seen["val"] & seen["test"]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("splits", [("train",), ("val", "test"), ("test",)])
     def test_objects_are_of_the_splits_that_are_asked_for(self, splits: tuple[str, ...]) -> None:
         config = FactoryConfig(object_splits=splits, clutter=ClutterConfig(count=3))
@@ -329,6 +336,7 @@ class TestSplits:
         shares = Counter(spec.objects[0].object_set for spec in drawn)
         assert abs(shares["procedural"] - 100) < 29  # four sigma: the sets keep their shares
 
+    @pytest.mark.slow
     def test_all_objects_of_a_split_are_drawn_from_a_set_that_lists_them(self) -> None:
         config = FactoryConfig(object_splits=("test",), object_sets={"blobs": 1.0})
         models = OBJECT_SETS["blobs"].models.values()  # type: ignore[attr-defined]

@@ -30,6 +30,8 @@ from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
 
+pytestmark = pytest.mark.slow
+
 ALL_CAMERAS = {name: camera.config for name, camera in CAMERAS.items()}
 COMMAND = [sys.executable, "-m", "grasp_factory", "generate"]
 STRONG = (

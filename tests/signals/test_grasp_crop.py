@@ -396,6 +396,7 @@ def made_up(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 class TestInADataset:
+    @pytest.mark.slow
     def test_a_crop_is_of_the_episodes_grasp_images_and_calibration(self, dataset: Dataset) -> None:
         for row in dataset.where(success=[True, False]).tolist():
             cameras = dataset[row].cameras.items()

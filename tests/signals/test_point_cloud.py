@@ -161,6 +161,7 @@ def same(a: PointCloud, b: PointCloud) -> bool:
 
 
 class TestAnEpisodesCloud:
+    @pytest.mark.slow
     @BOTH
     @pytest.mark.parametrize("camera", [*WITH_WRIST.cameras, None])
     def test_has_the_table_at_zero(self, dataset: Dataset, camera: str | None, frame: int) -> None:

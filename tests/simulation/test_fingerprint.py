@@ -35,6 +35,7 @@ MEASURED = (
 
 
 class TestMeasuring:
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "variables",
         [

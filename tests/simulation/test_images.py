@@ -59,6 +59,7 @@ def floating_cube(world, camera, quat, resolution=(640, 480)):
     return take_images(scene)["it"], pose
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("resolution", [(640, 480), (320, 200), (161, 121)])
 def test_table_pixels_deproject_to_the_table_top_within_a_millimetre(world, camera, resolution):
@@ -70,6 +71,7 @@ def test_table_pixels_deproject_to_the_table_top_within_a_millimetre(world, came
     assert np.mean(np.abs(height) < 1e-3) >= 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("seed", range(scaled(2, 6)))
 def test_a_cubes_mask_is_its_projected_outline_within_one_pixel(world, camera, seed):
@@ -97,6 +99,7 @@ def test_the_cubes_pixels_deproject_onto_its_faces(world, camera):
     assert np.mean(np.abs(own.max(axis=1) - 0.025) < 1e-3) > 0.9
 
 
+@pytest.mark.slow
 def test_labels_name_what_is_seen_and_the_arm_hides_no_target_before(world):
     seen = 0
     for index in range(25):
@@ -133,6 +136,7 @@ def test_images_have_the_stated_types_and_shapes(world):
     assert (image.segmentation.dtype, image.segmentation.shape) == (np.uint8, (48, 64))
 
 
+@pytest.mark.slow
 @settings(max_examples=scaled(10, 40))
 @given(st.integers(0, 10**6), st.sampled_from([(320, 240), (640, 480), (161, 121), (64, 48)]))
 def test_compositing_gives_the_full_render_bit_for_bit(tiny_world, seed, resolution):

@@ -12,7 +12,7 @@ from support.platform_processes import WITHOUT_FMA, command, needs_fma
 from grasp_factory.core.platforms import PARTS
 from grasp_factory.dataset.dataset import Dataset
 
-pytestmark = needs_fma
+pytestmark = [needs_fma, pytest.mark.slow]
 SMALL = ("--resolution", "32x24", "--workers", 1, "--set", "block_size=1", "--quiet")
 LIBM = f"libm ({PARTS['libm']})"
 

@@ -46,6 +46,8 @@ from grasp_factory.simulation.world.connection import check_renderer
 from grasp_factory.writers.zarr.header import read_attributes
 from grasp_factory.writers.zarr.store import check_place, prepare_store
 
+pytestmark = pytest.mark.slow
+
 EGL = {"renderer": "egl"}
 CROWD = dataclasses.replace(
     SMALL,
@@ -151,7 +153,6 @@ class TestStores:
         ):
             check_place(path, dataclasses.replace(config, renderer=other))
 
-    @pytest.mark.slow
     def test_an_episode_is_stored_and_replayed_with_the_renderer_of_its_config(
         self, opengl: None, tmp_path: Path
     ) -> None:

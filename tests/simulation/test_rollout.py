@@ -26,6 +26,8 @@ from grasp_factory.simulation import rollout
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def world():

@@ -125,16 +125,19 @@ def test_the_trap_kills_who_calls_what_is_not_allowed(code):
     assert done.returncode < 0 or b"was called on the way" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not can_be_trapped(), reason="no OpenBLAS of a wheel, or not x86-64")
 def test_episodes_are_made_without_a_call_of_blas_or_of_numpys_functions():
     assert run(trapped=True) == run()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["Haswell", "Nehalem"])
 def test_bytes_do_not_depend_on_the_kernels_of_blas(kernels):
     assert run(("OPENBLAS_CORETYPE", kernels)) == run()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not dispatched(), reason="NumPy uses nothing beyond its baseline here")
 def test_bytes_do_not_depend_on_what_numpy_and_opencv_find_in_the_processor():
     numpys = ("NPY_DISABLE_CPU_FEATURES", " ".join(dispatched()))
@@ -161,6 +164,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_learned_episodes_do_not_depend_on_the_kernels_of_torch(model):
     variants = [{}, {"ATEN_CPU_CAPABILITY": "default", "ONEDNN_MAX_CPU_ISA": "SSE41"}]
     found = [

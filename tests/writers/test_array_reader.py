@@ -61,6 +61,7 @@ class TestWhatIsRead:
     def path(self, request: pytest.FixtureRequest, small: Path) -> Path:
         return {"small": small, "tiny": TINY}[request.param]
 
+    @pytest.mark.slow
     def test_is_what_zarr_reads_for_any_rows(self, path: Path) -> None:
         for name, array in arrays(path).items():
             mine, n = stored(array, path / name), array.shape[0]
@@ -199,6 +200,7 @@ def test_a_chunk_that_was_never_written_is_its_fill_value(small: Path) -> None:
         assert not (small / name / ("2" + ".0" * (array.ndim - 1))).exists()
 
 
+@pytest.mark.slow
 def test_every_array_of_the_schema_is_read_directly(small: Path) -> None:
     for row in schema.expand(CONFIG):
         assert not isinstance(stored(arrays(small)[row.path], small / row.path), ThroughZarr)

@@ -33,6 +33,8 @@ from grasp_factory.factory.run_request import Request
 from grasp_factory.writers.zarr import segment_packing
 from grasp_factory.writers.zarr.lock import StoreLock
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config(block_size=2)
 N = 4
 ERRORS = (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EIO, errno.EDQUOT)
@@ -258,7 +260,6 @@ def check_line(text: str, reason: str) -> None:
     assert all(line.startswith("Warning: ") for line in before)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not may_mount(), reason="unshare and mount are not permitted here")
 @pytest.mark.parametrize("size", ["1200k", *soak_only("100k")], ids=["a block", "creating"])
 def test_a_full_disk_is_gone_on_with_after_space_is_made(
@@ -280,7 +281,6 @@ def test_a_full_disk_is_gone_on_with_after_space_is_made(
     assert sorted(path.name for path in result.iterdir()) == ["m.zarr", "m.zarr.runs.jsonl"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "limit", [1 << 13, 1 << 16], ids=["the engine's files in memory", "images"]
 )
@@ -315,7 +315,6 @@ def bound_by_permissions() -> None:
                 os._exit(99)
 
 
-@pytest.mark.slow
 def test_a_read_only_directory_is_refused_and_then_used(tmp_path: Path, clean: Path) -> None:
     place = tmp_path / "place"
     place.mkdir(mode=0o555)
@@ -331,7 +330,6 @@ def test_a_read_only_directory_is_refused_and_then_used(tmp_path: Path, clean: P
     assert_same_tree(clean, place / "m.zarr")
 
 
-@pytest.mark.slow
 def test_permission_that_is_lost_meanwhile_is_given_back_and_the_run_goes_on(
     tmp_path: Path, clean: Path
 ) -> None:
@@ -362,7 +360,6 @@ def test_permission_that_is_lost_meanwhile_is_given_back_and_the_run_goes_on(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m.zarr", "m.zarr.runs.jsonl"]
 
 
-@pytest.mark.slow
 def test_a_folder_that_may_not_be_entered_is_one_line_for_who_reads(clean: Path) -> None:
     folder = clean / "cameras/front/rgb"
     folder.chmod(0)

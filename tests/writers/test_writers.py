@@ -27,6 +27,8 @@ from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr import writer as zarr_module
 from grasp_factory.writers.zarr.store import prepare_store
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config(block_size=2)
 N = 5  # blocks 0, 1 and a short 2
 ROOM = schema.sizes(CONFIG, JOINTS)["T"]
