@@ -51,7 +51,7 @@ class BlockMaker:
         Raises:
             StoreError: if the block cannot be written, is damaged, or the disk fails otherwise.
         """
-        kept, here = self._kept(job), self.fingerprint
+        kept, here = self._present_rows(job), self.fingerprint
         rows = {i: row.content for i, row in kept.items()}
         for index in block_range(job.block, self._config.block_size, self._writer.length):
             if index in rows:
@@ -79,7 +79,7 @@ class BlockMaker:
         """
         return fingerprint(self._config).text
 
-    def _kept(self, job: BlockJob) -> dict[int, StoredRow]:
+    def _present_rows(self, job: BlockJob) -> dict[int, StoredRow]:
         """Return the rows to keep: a run for fewer episodes may have made a part of the block."""
         present = self._writer.present(job.block)
         keep = [i for i, status in present.items() if status == COMMITTED or not job.retries]

@@ -63,7 +63,7 @@ def _is_here(path: str, sha256: str) -> bool:
 
 def _unpack_whole(path: Path, name: str, sha256: str, content: bytes) -> None:
     """Put embedded data into the cache, and check that the config names them."""
-    what = _said(name)
+    what = _in_words(name)
     try:
         found = digest(content) if _group(name) == MODELS else unpack_folder(content)
     except StoreError as error:
@@ -74,7 +74,7 @@ def _unpack_whole(path: Path, name: str, sha256: str, content: bytes) -> None:
         model_registry.keep(content)
 
 
-def _said(path: str) -> str:
+def _in_words(path: str) -> str:
     group, _, name = path.partition("/")
     whose = "model of policy" if group == MODELS else "archive of object set"
     return f"its {whose} {name!r}"

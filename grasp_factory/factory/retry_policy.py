@@ -11,7 +11,7 @@ from typing import Any
 from grasp_factory.errors import FailuresError, WorkerError
 from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made
 
-TRIES = 2
+TRIES_OF_EPISODE = 2
 """Number of tries of an episode. One is not enough: a killed worker, or full memory, would then
 decide what is in the dataset."""
 TRIES_OF_BLOCK = 3
@@ -85,7 +85,7 @@ class Losses:
                     f"{times} workers were lost in {job} ({why}); the blocks that are committed"
                     " stay: run the same command again to go on"
                 )
-        elif times == TRIES:
+        elif times == TRIES_OF_EPISODE:
             assert index is not None
             return replace(job, lost={**job.lost, index: f"its worker was lost twice ({why})"})
         self._on_loss(f"a worker was lost in {blamed} ({why}); the block is made again")

@@ -50,7 +50,7 @@ class RunLog:
         """
         self._is_new = not self.path.exists()
         try:
-            self._diary = self.path.open("ab+", buffering=0)
+            self._file = self.path.open("ab+", buffering=0)
         except OSError as error:
             raise cannot_write(self.path, error) from None
         self._started, self._clock = datetime.now(UTC), time.monotonic()
@@ -62,7 +62,7 @@ class RunLog:
         If the log cannot be written, it warns: no episode is lost.
         """
         try:
-            with self._diary:
+            with self._file:
                 if self._began:
                     self._append(json.dumps(self._line(kind)))
             if not self._began and self._is_new and not self.path.stat().st_size:
@@ -73,10 +73,10 @@ class RunLog:
 
     def _append(self, line: str) -> None:
         # A full disk or a kill may have cut the last line short: start a new one.
-        size = self._diary.seek(0, os.SEEK_END)
-        is_cut = size > 0 and os.pread(self._diary.fileno(), 1, size - 1) != b"\n"
+        size = self._file.seek(0, os.SEEK_END)
+        is_cut = size > 0 and os.pread(self._file.fileno(), 1, size - 1) != b"\n"
         data = b"\n" * is_cut + f"{line}\n".encode()
-        if self._diary.write(data) < len(data):  # the disk is full
+        if self._file.write(data) < len(data):  # the disk is full
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def _line(self, kind: type[BaseException] | None) -> dict[str, Any]:

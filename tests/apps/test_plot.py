@@ -26,7 +26,7 @@ from support.places import TINY
 from support.scale import soak_only
 
 from grasp_factory.apps.pictures.painting import depth_span
-from grasp_factory.apps.pictures.plot import look, plot_episode
+from grasp_factory.apps.pictures.plot import plot_episode, style
 from grasp_factory.apps.pictures.plot.figure import Subject, facts, figure_of, pixels_of
 from grasp_factory.cli.main import cli
 from grasp_factory.core.enums import Label, Outcome, Phase, names
@@ -391,6 +391,6 @@ class TestCommand:
 
 
 def test_the_colours_of_lines_differ() -> None:
-    assert len(set(look.LINES)) == len(look.LINES) >= 7
-    assert set(look.PHASES) == set(names(Phase))
-    assert len(set(look.PHASES.values())) == len(look.PHASES)
+    assert len(set(style.LINES)) == len(style.LINES) >= 7
+    assert set(style.PHASES) == set(names(Phase))
+    assert len(set(style.PHASES.values())) == len(style.PHASES)

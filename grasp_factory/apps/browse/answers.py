@@ -22,7 +22,7 @@ def json_answer(value: Any, code: int = 200) -> Response:
     return Response(json_bytes(value), code, content_type="application/json")
 
 
-def kept(checksum: str, kind: str, make: Callable[[], bytes]) -> Response:
+def cached_answer(checksum: str, kind: str, make: Callable[[], bytes]) -> Response:
     """Return bytes that depend only on an episode; they are not made if the browser has them.
 
     If the address contains the episode's checksum as ``?v=``, the browser caches the answer for a

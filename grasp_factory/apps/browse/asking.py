@@ -25,7 +25,7 @@ class Number(BaseConverter):
         return int(value)
 
 
-def whole(name: str, default: int, most: int) -> int:
+def integer(name: str, default: int, most: int) -> int:
     """Return a whole number of the request, no more than ``most``.
 
     Raises:

@@ -8,7 +8,7 @@ from flask import Blueprint, Response, request
 
 from grasp_factory import __version__
 from grasp_factory.apps.browse.answers import json_answer
-from grasp_factory.apps.browse.asking import asked_query, whole
+from grasp_factory.apps.browse.asking import asked_query, integer
 from grasp_factory.apps.browse.drawing import label_colors
 from grasp_factory.apps.browse.site import Site
 from grasp_factory.core.enums import Outcome, Phase, label_names, names
@@ -31,7 +31,7 @@ def routes(site: Site) -> Blueprint:
     @pages.get("/api/episodes")
     def episodes() -> Response:
         site.freshness.soon()
-        offset, limit = whole("offset", 0, 10**9 - 1), whole("limit", 60, MOST_ROWS)
+        offset, limit = integer("offset", 0, 10**9 - 1), integer("limit", 60, MOST_ROWS)
         page = site.index.page(asked_query(), offset, limit)
         return json_answer({"total": page.total, "rows": page.rows})
 
@@ -42,7 +42,7 @@ def routes(site: Site) -> Blueprint:
 
     @pages.get("/api/histogram")
     def histogram() -> Response:
-        column, bins = request.args.get("column", ""), whole("bins", 30, MOST_BINS)
+        column, bins = request.args.get("column", ""), integer("bins", 30, MOST_BINS)
         if not bins:
             raise UsageError(f"bins: got 0, valid: 1 to {MOST_BINS}")
         return json_answer(_histogram(site.index.histogram(column, asked_query(), bins)))

@@ -1,4 +1,4 @@
-"""The live view: what a run is doing, told while it runs, with alarms when something goes wrong.
+"""The live view: what a run does, shown while it runs, with alarms.
 
 ``state`` remembers what happened, ``alarms`` says what is wrong with it; both are pure. ``facts``
 reads what is committed, ``watch`` does all this in a thread of its own, ``view`` serves it.

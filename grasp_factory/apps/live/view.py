@@ -84,7 +84,7 @@ class LiveView:
         from grasp_factory.apps.browse.serving import address
 
         url = address(HOST, self._socket.getsockname()[1], self._token)
-        with self._costing_nothing("cannot be started"), _signals_elsewhere():
+        with self._warning_instead("cannot be started"), _signals_elsewhere():
             watch = RunWatch(plan, self._tell)
             watch.begin()
             self._watch = watch
@@ -141,7 +141,7 @@ class LiveView:
         """Make the index and serve; this runs in a thread, because a large store takes long."""
         assert self._watch is not None
         assert self._socket is not None
-        with self._costing_nothing("cannot be served"):
+        with self._warning_instead("cannot be served"):
             from grasp_factory.apps.browse.app import create_app
             from grasp_factory.apps.browse.serving import Server, own_names
             from grasp_factory.dataset.index import fresh
@@ -151,7 +151,7 @@ class LiveView:
             self._server = Server(app, self._socket).start()
 
     @contextlib.contextmanager
-    def _costing_nothing(self, trouble: str) -> Iterator[None]:
+    def _warning_instead(self, trouble: str) -> Iterator[None]:
         """Report an exception instead of raising it: the run does not need the view."""
         try:
             yield

@@ -64,7 +64,7 @@ class RunWatch:
         self._has_trouble = False
         self._phase, self._error = RUNNING, ""
         self._is_over = threading.Event()
-        self._snapshot = self._told(0.0)
+        self._snapshot = self._summary(0.0)
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
 
     def begin(self) -> None:
@@ -104,7 +104,7 @@ class RunWatch:
         except Exception as error:  # a failure of the watch must not stop the run
             self._complain(error)
         finally:
-            self._snapshot = self._told(now)
+            self._snapshot = self._summary(now)
 
     def _hear(self) -> None:
         while True:
@@ -142,7 +142,7 @@ class RunWatch:
             what = f"the live view cannot follow all of the run ({in_a_line(error)})"
             self._tell(f"{what}; the run goes on")
 
-    def _told(self, now: float) -> dict[str, Any]:
+    def _summary(self, now: float) -> dict[str, Any]:
         state, plan = self._state, self._plan
         left = state.seconds_left(now)
         return {

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from grasp_factory.core import schema
 from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
 from grasp_factory.core.platforms import Fingerprint, difference, fingerprint_of, parsed
-from grasp_factory.curation.repair.recovery import kept, recipe
+from grasp_factory.curation.repair.recovery import recipe, recovered
 from grasp_factory.curation.verify.contents import fingerprint_problems, read_block
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.dataset.row_codec import Row
@@ -88,7 +88,7 @@ class BlockMender:
         """Rebuild a block: keep intact rows, and simulate the others from their recipes."""
         pieces = self._pieces
         found = dict(zip(pieces.rows_of(job.block), read_block(pieces, job.block)[0], strict=True))
-        rows = {i: kept(row, pieces, i) for i, row in found.items()}
+        rows = {i: recovered(row, pieces, i) for i, row in found.items()}
         recipes = {i: recipe(found[i], pieces, i) for i, row in rows.items() if row is None}
         texts = {i: self._text(found[i], i) for i in rows if i not in recipes}
         unknown = {i: recipe(found[i], pieces, i) for i, text in texts.items() if text is None}

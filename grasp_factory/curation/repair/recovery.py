@@ -18,7 +18,7 @@ from grasp_factory.writers.base import Quarantined
 _RECIPE = ("episodes/spec", "episodes/seed", "episodes/index")
 
 
-def kept(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined | None:
+def recovered(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined | None:
     """Return a row as it was written, regardless of its stored status; None if it is lost.
 
     An episode is kept if it matches the row's checksum, or if each array matches its digest.

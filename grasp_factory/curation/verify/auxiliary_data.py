@@ -91,7 +91,7 @@ def label_faults(path: Path, name: str) -> Iterator[Problem]:
             yield _problem(f"{LABELS}/{name}", "success and outcome do not agree")
 
 
-def recoded(pieces: PartialStore) -> Iterator[str]:
+def rewritten_arrays(pieces: PartialStore) -> Iterator[str]:
     """Yield the path of each added label or embedded array that another program has rewritten."""
     labels = added_labels(pieces.path)
     arrays = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
@@ -131,7 +131,7 @@ def packed_problems(pieces: PartialStore, broken: Set[int]) -> Iterator[Problem]
                 yield _problem(f"{FOLDER}/{segment.file.name}", fault)
 
 
-def strangers(pieces: PartialStore) -> Iterator[str]:
+def unknown_file_notes(pieces: PartialStore) -> Iterator[str]:
     """Yield a note for each folder with files that are not the store's; nothing reads them."""
     own = {path: len(field.dims) for path, field in pieces.fields.items()}
     parents = {str(parent) for path in own for parent in Path(path).parents}

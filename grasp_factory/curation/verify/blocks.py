@@ -14,8 +14,8 @@ from grasp_factory.core.atomic_file import partial_path
 from grasp_factory.core.platforms import is_fingerprint
 from grasp_factory.curation.verify.contents import (
     behind_problems,
-    beside,
     committed_problems,
+    empty_lengths,
     fingerprint_problems,
     is_complete,
     is_whole,
@@ -118,9 +118,9 @@ def row_problems(row: Row, status: int, pieces: PartialStore, i: int) -> Iterato
         yield Problem(episode=i, array=schema.STATUS.path, what=what)
     elif status == QUARANTINED:
         yield from quarantined_problems(row, pieces, i)
-        yield from padding_problems(row, beside(NOT_EMPTY, pieces), pieces, i)
+        yield from padding_problems(row, empty_lengths(NOT_EMPTY, pieces), pieces, i)
     elif status == MISSING:
-        yield from padding_problems(row, beside((), pieces), pieces, i)
+        yield from padding_problems(row, empty_lengths((), pieces), pieces, i)
     else:
         what = f"{status}, which stands for nothing"
         yield Problem(episode=i, array=schema.STATUS.path, what=what)

@@ -181,7 +181,7 @@ def padded(row: Row, pieces: PartialStore) -> dict[str, int]:
     return out
 
 
-def beside(paths: tuple[str, ...], pieces: PartialStore) -> dict[str, int]:
+def empty_lengths(paths: tuple[str, ...], pieces: PartialStore) -> dict[str, int]:
     """Return 0 for each path where a row must have no values; see ``padding_problems``."""
     return {path: 0 for path in pieces.fields if path not in (*paths, *_NOT_CHECKED)}
 

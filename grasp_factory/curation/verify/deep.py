@@ -77,7 +77,7 @@ class Simulator:
         )
 
 
-def elsewhere(found: Sequence[Simulated]) -> list[str]:
+def platform_notes(found: Sequence[Simulated]) -> list[str]:
     """Return a note if rows that were simulated again come from another platform."""
     foreign = [one for one in found if one.differing]
     if not foreign:

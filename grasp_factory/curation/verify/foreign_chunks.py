@@ -49,7 +49,9 @@ def is_recoded(document: Any) -> bool:
     return names not in _CODECS
 
 
-def sorted_out(names: Sequence[str], broken: Iterable[Problem]) -> tuple[list[Problem], list[str]]:
+def rewritten_findings(
+    names: Sequence[str], broken: Iterable[Problem]
+) -> tuple[list[Problem], list[str]]:
     """Return a problem for each of these arrays with changed values, and a note on the others."""
     changed = {problem.array for problem in broken}
     what = "rewritten by another program, with other values"

@@ -16,13 +16,13 @@ from grasp_factory.curation.verify.auxiliary_data import (
     carried_problems,
     label_problems,
     packed_problems,
-    recoded,
-    strangers,
+    rewritten_arrays,
+    unknown_file_notes,
 )
 from grasp_factory.curation.verify.blocks import BlockChecker, Findings
-from grasp_factory.curation.verify.deep import SEEDS, Simulator, draw, elsewhere, new_seed
+from grasp_factory.curation.verify.deep import SEEDS, Simulator, draw, new_seed, platform_notes
 from grasp_factory.curation.verify.documents import group_faults, has_config, root_problem
-from grasp_factory.curation.verify.foreign_chunks import sorted_out
+from grasp_factory.curation.verify.foreign_chunks import rewritten_findings
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.curation.verify.problems import Problem, VerifyReport
 from grasp_factory.errors import StoreError
@@ -88,7 +88,9 @@ def verify(
     size = pieces.config.block_size
     broken = {problem.episode // size for problem in problems if problem.episode is not None}
     problems += packed_problems(pieces, broken)
-    changed, notes = sorted_out([*sorted(pieces.rewritten), *recoded(pieces)], problems)
+    changed, notes = rewritten_findings(
+        [*sorted(pieces.rewritten), *rewritten_arrays(pieces)], problems
+    )
     problems += changed
     seed = new_seed() if deep_seed is None else deep_seed
     simulated = draw(_simulable(pieces, found), deep, seed) if deep else ()
@@ -102,7 +104,12 @@ def verify(
         quarantined=found.quarantined,
         missing=found.missing,
         problems=tuple(problems),
-        notes=(*notes, *strangers(pieces), *_of_platforms(pieces, found), *elsewhere(again)),
+        notes=(
+            *notes,
+            *unknown_file_notes(pieces),
+            *_of_platforms(pieces, found),
+            *platform_notes(again),
+        ),
         changed=tuple(changed_since(pieces.attributes)),
         simulated=simulated,
         deep_seed=seed if deep else None,

@@ -71,7 +71,7 @@ def import_folder(
     names = keys([file for file in listing.files if file not in run.parts])
     results = {key: (file, run.used[file]) for file, key in names.items() if file in run.used}
     objects = {key: result.item for key, (_, result) in results.items()}
-    sha256 = _kept(Manifest(objects=objects), where) if objects else ""
+    sha256 = _into_cache(Manifest(objects=objects), where) if objects else ""
     return FolderReport(
         name=name,
         sha256=sha256,
@@ -193,7 +193,7 @@ def _known(path: Path, where: Path) -> dict[str, object] | None:
     return known
 
 
-def _kept(manifest: Manifest, where: Path) -> str:
+def _into_cache(manifest: Manifest, where: Path) -> str:
     """Put a manifest into the cache and return its digest."""
     text = manifest.encoded()
     path = manifest_path(where, digest(text))

@@ -22,8 +22,8 @@ FAULTS = (
     Fault(
         "one-try-too-many",
         "factory/retry_policy.py",
-        "TRIES = 2",
-        "TRIES = 3",
+        "TRIES_OF_EPISODE = 2",
+        "TRIES_OF_EPISODE = 3",
         ("factory/test_retry_policy.py",),
     ),
     Fault(

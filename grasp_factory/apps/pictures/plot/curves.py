@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from grasp_factory.apps.pictures.plot import look
-from grasp_factory.apps.pictures.plot.look import NORMAL, SMALL, PageLayout, Rect
+from grasp_factory.apps.pictures.plot import style
+from grasp_factory.apps.pictures.plot.style import NORMAL, SMALL, PageLayout, Rect
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.geometry import Array
 from grasp_factory.signals.plot_series import CurveGroup, Moment, PhaseSpan, phase_spans
@@ -83,16 +83,20 @@ def draw_curves(
 def _draw_group(ax: Axes, group: CurveGroup, times: Array, wanted: float | None) -> None:
     factor, units = SCALED.get(group.key, (1.0, UNITS.get(group.units, group.units)))
     marker = "." if len(times) < 3 else ""
-    for name, values, color in zip(group.names, group.values.T, cycle(look.LINES), strict=False):
+    for name, values, color in zip(group.names, group.values.T, cycle(style.LINES), strict=False):
         is_target = name == "target"
         ax.plot(
             times, factor * values, label=name, marker=marker,
-            color=look.BLACK if is_target else color, linestyle="--" if is_target else "-",
+            color=style.BLACK if is_target else color, linestyle="--" if is_target else "-",
             linewidth=0.9 if is_target else 1.2,
         )  # fmt: skip
     if wanted:
         ax.axhline(
-            factor * wanted, color=look.INK, linestyle=":", linewidth=1.0, label="asked for success"
+            factor * wanted,
+            color=style.INK,
+            linestyle=":",
+            linewidth=1.0,
+            label="asked for success",
         )
     ax.set_title(group.title, loc="left", fontsize=NORMAL, fontweight="bold", pad=4)
     ax.set_ylabel(units, fontsize=NORMAL)
@@ -102,7 +106,7 @@ def _draw_group(ax: Axes, group: CurveGroup, times: Array, wanted: float | None)
     if group.key in FROM_ZERO:
         ax.update_datalim([(times[0], 0.0)], updatex=False)
         ax.autoscale_view(scalex=False)
-    ax.grid(color=look.GRID, linewidth=0.5)
+    ax.grid(color=style.GRID, linewidth=0.5)
     ax.set_axisbelow(True)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
@@ -124,7 +128,7 @@ def _draw_bar(
     """Draw the phases as a bar with their names, and the marks' words above it."""
     left, top, width, height = box
     ax = page.axes(left, top, width, height)
-    look.bare(ax)
+    style.bare(ax)
     ax.patch.set_visible(False)
     ax.set(xlim=limits, ylim=(height, 0))
     scale = width / (limits[1] - limits[0])
@@ -154,12 +158,12 @@ def _draw_bar(
 def _marks(episode: Episode, moments: Sequence[Moment]) -> list[TimeMark]:
     times = episode.streams["timestamp"]
     marks = [
-        TimeMark(time=float(times[moment.record]), word=letter, color=look.PALE, style="-")
+        TimeMark(time=float(times[moment.record]), word=letter, color=style.PALE, style="-")
         for letter, moment in zip("ABC", moments, strict=False)
     ]
     loss = float(episode.columns.get("loss_time", np.nan))
     if np.isfinite(loss):
-        marks.append(TimeMark(time=loss, word="lost", color=look.RED, style="--"))
+        marks.append(TimeMark(time=loss, word="lost", color=style.RED, style="--"))
     return sorted((mark for mark in marks if np.isfinite(mark.time)), key=lambda mark: mark.time)
 
 
@@ -186,4 +190,4 @@ def _fitting(word: str, width: float) -> str:
 
 
 def _color(phase: PhaseSpan) -> str:
-    return look.PHASES.get(phase.name, "white")
+    return style.PHASES.get(phase.name, "white")

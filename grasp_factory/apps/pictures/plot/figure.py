@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
-from grasp_factory.apps.pictures.plot import SIZE, look
+from grasp_factory.apps.pictures.plot import SIZE, style
 from grasp_factory.apps.pictures.plot.curves import draw_curves
-from grasp_factory.apps.pictures.plot.look import LARGE, SMALL, PageLayout, drawable
 from grasp_factory.apps.pictures.plot.pictures import draw_pictures
+from grasp_factory.apps.pictures.plot.style import LARGE, SMALL, PageLayout, drawable
 from grasp_factory.apps.pictures.plot.touch import draw_touch
 from grasp_factory.core.enums import label_names
 from grasp_factory.core.episode import Episode
@@ -57,10 +57,10 @@ class Subject:
 def figure_of(subject: Subject, size: tuple[int, int] = SIZE) -> Figure:
     """Return the figure of an episode, ``size`` pixels wide and high when it is drawn."""
     scale = min(size[0] / SIZE[0], size[1] / SIZE[1])
-    dpi = look.DPI * scale
+    dpi = style.DPI * scale
     with mpl.rc_context():
         mpl.rcdefaults()  # the user's own settings must not change the picture
-        mpl.rcParams.update({"axes.linewidth": 0.6, "text.color": look.INK})
+        mpl.rcParams.update({"axes.linewidth": 0.6, "text.color": style.INK})
         figure = Figure(figsize=(size[0] / dpi, size[1] / dpi), dpi=dpi, facecolor="white")
         canvas = FigureCanvasAgg(figure)
         page = PageLayout(figure, size[0] / scale, size[1] / scale)
@@ -102,10 +102,10 @@ def _draw_heading(page: PageLayout, subject: Subject) -> None:
     episode = subject.episode
     target = episode.spec.objects[0]
     word = episode.outcome.name.lower().replace("_", " ")
-    color = look.GREEN if episode.success else look.RED
+    color = style.GREEN if episode.success else style.RED
     width = 26 + 9.6 * len(word)
     badge = page.axes(MARGIN, 16, width, 26)
-    look.bare(badge)
+    style.bare(badge)
     badge.set(xlim=(0, width), ylim=(0, 26))
     badge.patch.set_visible(False)
     shape = "round,pad=0,rounding_size=12"
@@ -143,7 +143,7 @@ def _draw_attempt(page: PageLayout, subject: Subject) -> None:
         page.text(
             box[0] + box[2] / 2, top + room / 3,
             f"The attempt ended before the arm moved ({words}): there is no record of it",
-            size=12, color=look.PALE, align="center",
+            size=12, color=style.PALE, align="center",
         )  # fmt: skip
     bottom = draw_pictures(page, (side, top, SIDE), episode, subject.camera)
     if subject.pad_size is not None and episode.n_steps:
@@ -163,4 +163,4 @@ def _draw_foot(page: PageLayout, subject: Subject) -> None:
     ]
     text = "   ".join(filter(None, map(drawable, words)))
     right, middle = page.width - MARGIN, page.height - 14
-    page.text(right, middle, text, size=SMALL, color=look.PALE, align="right", room=right - MARGIN)
+    page.text(right, middle, text, size=SMALL, color=style.PALE, align="right", room=right - MARGIN)

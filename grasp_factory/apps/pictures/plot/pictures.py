@@ -11,8 +11,8 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from grasp_factory.apps.pictures import painting
-from grasp_factory.apps.pictures.plot import look
-from grasp_factory.apps.pictures.plot.look import NORMAL, SMALL, PageLayout
+from grasp_factory.apps.pictures.plot import style
+from grasp_factory.apps.pictures.plot.style import NORMAL, SMALL, PageLayout
 from grasp_factory.core.enums import label_names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array
@@ -43,7 +43,7 @@ def draw_pictures(
     for name, room in (("rgb", 0), ("depth", BAR), ("segmentation", LEGEND)):
         for k, when in enumerate(WHEN):
             ax = page.axes(left + k * (wide + GAP), top + TITLE, wide, high)
-            look.bare(ax)
+            style.bare(ax)
             title = when if name == "rgb" else f"{name} {when}"
             ax.set_title(title, loc="left", fontsize=NORMAL, pad=3)
             axes.append(ax)
@@ -69,7 +69,7 @@ def _draw_depth(
 ) -> None:
     near_and_far = painting.depth_span(frames.depth, frames.segmentation, far)
     span = Normalize(*near_and_far)
-    colors = mpl.colormaps["viridis_r"].with_extremes(bad=look.NOTHING)
+    colors = mpl.colormaps["viridis_r"].with_extremes(bad=style.NOTHING)
     for ax, depth in zip(axes, frames.depth, strict=True):
         seen = np.ma.masked_where(~(depth < far), depth)
         ax.imshow(seen, cmap=colors, norm=span, interpolation="nearest", aspect="equal")
@@ -108,7 +108,7 @@ def _draw_grasp(ax: Axes, pixels: Array) -> None:
     for ends, marker in (((left, right), "o"), ((tcp, back), "")):
         x, y = zip(*ends, strict=True)
         ax.plot(
-            x, y, color=look.GRASP, linewidth=1.8, marker=marker, markersize=3.5,
+            x, y, color=style.GRASP, linewidth=1.8, marker=marker, markersize=3.5,
             path_effects=outline, clip_on=True,
         )  # fmt: skip
     ax.set(xlim=limits[0], ylim=limits[1])

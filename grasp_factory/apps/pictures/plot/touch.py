@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
-from grasp_factory.apps.pictures.plot import look
-from grasp_factory.apps.pictures.plot.look import SMALL, PageLayout, Rect
+from grasp_factory.apps.pictures.plot import style
+from grasp_factory.apps.pictures.plot.style import SMALL, PageLayout, Rect
 from grasp_factory.core.geometry import Array
 from grasp_factory.signals.plot_series import PADS, Moment, Series, pad_forces
 from grasp_factory.signals.touch import center_of_pressure, taxel_image
@@ -36,7 +36,7 @@ def draw_touch(
     left, top, width, height = box
     page.text(left, top + 12, "touch: normal force on the pads", weight="bold")
     if not moments:
-        page.text(left, top + 40, "nothing touched the pads", color=look.PALE)
+        page.text(left, top + 40, "nothing touched the pads", color=style.PALE)
         return
     rows = taxel_rows(pad_size)
     images = [_image(streams, pad_size, moment) for moment in moments]
@@ -58,7 +58,7 @@ def draw_touch(
             _draw_pad(ax, image[pad], norm, pad_size)
             ax.set_title(f"{word} {forces[pad]:.1f} N", fontsize=SMALL, pad=3)
             place = _center(streams, moment)[pad] * 1e3
-            ax.plot(*place, marker="+", color=look.SKY, markersize=8, markeredgewidth=1.4)
+            ax.plot(*place, marker="+", color=style.SKY, markersize=8, markeredgewidth=1.4)
             if moment is not moments[0] or pad:
                 ax.set_yticklabels([])
             else:
@@ -71,7 +71,7 @@ def draw_touch(
     page.text(
         left + LEFT, y + high + TICKS - 6,
         f"width, mm; {rows} x {COLUMNS} taxels; + centre of pressure; the fingertip is at the top",
-        size=SMALL, color=look.PALE,
+        size=SMALL, color=style.PALE,
     )  # fmt: skip
 
 
