@@ -61,8 +61,9 @@ ensure_venv() {
     options=(--no-build-isolation)
   fi
   say "installing into .venv (once)"
-  # Python compiles what is imported; all of it would take longer than the download.
   .venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check "${options[@]}" \
     --editable ".[simulation${extra:+,$extra}]"
+  # pip compiles on one core. What cannot be compiled here is never imported: templates, tests.
+  .venv/bin/python -m compileall -q -j 0 .venv/lib > /dev/null 2>&1 || true
   echo "$stamp $extra" > .venv/installed
 }
