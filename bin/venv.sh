@@ -60,10 +60,10 @@ ensure_venv() {
     prepare_build
     options=(--no-build-isolation)
   fi
+  # The tests compile what they import; pip would compile all of it, on one core.
+  [ "$extra" = test ] && options+=(--no-compile)
   say "installing into .venv (once)"
-  .venv/bin/python -m pip install --quiet --no-compile --disable-pip-version-check "${options[@]}" \
+  .venv/bin/python -m pip install --quiet --disable-pip-version-check "${options[@]}" \
     --editable ".[simulation${extra:+,$extra}]"
-  # pip compiles on one core. What cannot be compiled here is never imported: templates, tests.
-  .venv/bin/python -m compileall -q -j 0 .venv/lib > /dev/null 2>&1 || true
   echo "$stamp $extra" > .venv/installed
 }

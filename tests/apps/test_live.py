@@ -474,6 +474,7 @@ class TestFactsOfAStore:
 
 
 class TestARealRun:
+    @pytest.mark.soak
     def test_is_told_while_it_runs_and_to_its_end(self, tmp_path: Path) -> None:
         out = tmp_path / "ds.zarr"
         with running(out, 12, [*SMALL, "--json"]) as run:

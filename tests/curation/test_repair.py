@@ -124,7 +124,7 @@ DAMAGES: dict[str, Damage] = {
 }
 
 
-@pytest.mark.parametrize("what", sampled(DAMAGES, 8))
+@pytest.mark.parametrize("what", sampled(DAMAGES, 6))
 def test_damage_is_found_and_mended_to_the_same_bytes(store: Path, copy: Path, what: str) -> None:
     DAMAGES[what](copy)
     result = repair(copy)
@@ -298,6 +298,7 @@ def test_rows_beside_a_broken_quarantine_are_kept(
     assert_same_tree(store, copy)
 
 
+@pytest.mark.soak
 def test_a_recipe_that_kills_its_worker_is_quarantined_again(copy: Path, tmp_path: Path) -> None:
     row, block = quarantined(copy)
     file = copy / "episodes/error" / str(block)
@@ -627,7 +628,7 @@ def read_all(path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
-@pytest.mark.parametrize("name", sampled(DOCUMENTS, 6))
+@pytest.mark.parametrize("name", sampled(DOCUMENTS, 4))
 @settings(max_examples=scaled(4, 20), suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_metadata_of_any_kind_is_an_error_of_ours_or_harmless(
@@ -653,7 +654,7 @@ def test_metadata_of_any_kind_is_an_error_of_ours_or_harmless(
         (scratch / name).write_bytes(whole)
 
 
-@pytest.mark.parametrize("name", sampled(DOCUMENTS, 5))
+@pytest.mark.parametrize("name", sampled(DOCUMENTS, 4))
 def test_metadata_of_any_kind_is_mended_or_left(store: Path, tmp_path: Path, name: str) -> None:
     """The same for what writes; a mutation of each kind, for each is a repair."""
     whole = json.loads((store / name).read_bytes())
@@ -757,6 +758,7 @@ class TestOnAnotherPlatform:
 
 
 class TestAFingerprintThatIsLost:
+    @pytest.mark.soak
     def test_is_this_platforms_where_the_episode_has_the_same_bytes_here(self, copy: Path) -> None:
         before = tree(copy)
         shutil.rmtree(copy / "packed")

@@ -638,6 +638,7 @@ class TestDeep:
         assert any("abacus" in change for change in report.changed)
         assert "abacus" in report.problems[0].what
 
+    @pytest.mark.soak
     def test_a_difference_under_another_fingerprint_is_a_note_and_no_damage(
         self, copy: Path, held: tuple[int, list[Any]], monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -114,6 +114,7 @@ def test_a_dataset_replays_where_the_folder_never_was(
     assert "replays to the same bytes" in done.stdout
 
 
+@pytest.mark.soak
 def test_going_on_elsewhere_converts_no_mesh_again(
     used: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -117,6 +117,7 @@ def test_deaths_give_the_same_bytes_for_any_number_of_workers(tmp_path: Path) ->
         assert_same_tree(stores[0], out)
 
 
+@pytest.mark.soak
 def test_a_death_that_is_not_the_episodes_fault_costs_nothing(clean: Path, tmp_path: Path) -> None:
     out, mark = tmp_path / "ds.zarr", tmp_path / "mark"
     once = f"Path({str(mark)!r}).exists() or (Path({str(mark)!r}).touch(), os._exit(9))"

@@ -183,6 +183,7 @@ class TestTheirLocks:
             assert first.try_alone()
 
 
+@pytest.mark.soak
 @pytest.mark.timeout(180)
 def test_parts_that_are_made_at_the_same_time_give_the_bytes_of_one_run(tmp_path: Path) -> None:
     def start(*args: str) -> subprocess.Popen[str]:

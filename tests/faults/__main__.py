@@ -89,7 +89,7 @@ def _arguments() -> argparse.Namespace:
         " those of its room, or all",
     )
     parser.add_argument(
-        "--marker", default="", help="expression of pytest's -m, such as 'not slow'"
+        "--marker", default="not soak", help="expression of pytest's -m: which tests may catch"
     )
     parser.add_argument("--json", type=Path, help="file to keep results in, those of before too")
     return parser.parse_args()

@@ -284,6 +284,7 @@ class TestEngine:
         settled = [comes_to_rest_and_is_seen(world, model, rng) for model in some(2000, seed=2)]
         assert np.mean(settled) > 0.97
 
+    @pytest.mark.soak
     @pytest.mark.slow
     def test_two_thousand_new_objects_leave_no_memory_behind(self) -> None:
         """In a process of its own, whose memory nothing else touches."""

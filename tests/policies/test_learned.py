@@ -268,6 +268,7 @@ class TestTheModelInTheStore:
         assert set(dataset.column("policy")) == {"learned"}
         assert np.isfinite(dataset.column("grasp_score")).any()
 
+    @pytest.mark.soak
     def test_any_number_of_workers_gives_the_same_bytes(self, made: Path, tmp_path: Path) -> None:
         config = config_of(model_registry.keep(tiny_model(7)))
         generate(config, N, tmp_path / "b.zarr", workers=2)

@@ -137,7 +137,7 @@ def test_images_have_the_stated_types_and_shapes(world):
 
 
 @pytest.mark.slow
-@settings(max_examples=scaled(10, 40))
+@settings(max_examples=scaled(6, 40))
 @given(st.integers(0, 10**6), st.sampled_from([(320, 240), (640, 480), (161, 121), (64, 48)]))
 def test_compositing_gives_the_full_render_bit_for_bit(tiny_world, seed, resolution):
     """Over robots, postures, objects, looks and cameras, resting contact and occlusion included.

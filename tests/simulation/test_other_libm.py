@@ -33,6 +33,7 @@ def test_verify_calls_no_difference_damage(store: Path) -> None:
     assert LIBM in note
 
 
+@pytest.mark.soak
 def test_repair_simulates_only_what_is_accepted(store: Path) -> None:
     cut("streams/tcp_pose/1.0.0")(store)
     refused = command("repair", store, "--workers", 1, **WITHOUT_FMA)
@@ -44,6 +45,7 @@ def test_repair_simulates_only_what_is_accepted(store: Path) -> None:
     assert first != second
 
 
+@pytest.mark.soak
 def test_merge_takes_parts_of_one_seed_only_if_that_is_accepted(store: Path) -> None:
     there, out = store.with_name("there.zarr"), store.with_name("out.zarr")
     part = ("generate", "--n", 4, "--shard", "1/2", "--out", there, *SMALL)
