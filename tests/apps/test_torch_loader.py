@@ -36,7 +36,6 @@ pytestmark = pytest.mark.slow
 N = 22
 SMALL = CropShape(size=12)
 BOTH = KINDS["both"]
-starts = pytest.mark.parametrize("start", ["fork", "spawn"])
 usually_forked = pytest.mark.parametrize("start", ["fork", *soak_only("spawn")])
 """A start of fresh processes takes seconds: the stream's test has one in every run."""
 
@@ -215,7 +214,7 @@ class TestStreams:
         list(GraspStream(unread))  # kept by now
         assert set(opened.values()) == {1}
 
-    @starts
+    @usually_forked
     def test_are_shared_out_among_workers(
         self, path: Path, examples: GraspDataset, start: str
     ) -> None:

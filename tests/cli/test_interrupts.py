@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from support.helpers import assert_same_tree
-from support.scale import scaled
+from support.scale import sampled, scaled
 
 from grasp_factory.cli import run_progress
 from grasp_factory.cli.signal_handling import RETRY_S
@@ -155,7 +155,7 @@ ONCE = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", ONCE)
+@pytest.mark.parametrize("what", sampled(ONCE, 2))
 def test_a_run_that_is_told_to_stop_says_how_to_go_on_and_does(
     tmp_path: Path, want: Path, what: str
 ) -> None:

@@ -263,6 +263,7 @@ class TestForecast:
         assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.soak
 def test_processes_are_started_for_the_pilots_as_for_the_run(tmp_path: Path) -> None:
     config = FactoryConfig(resolution=(32, 24), block_size=2)
     found = forecast(Request(config=config, n=6, workers=2, out=tmp_path / "ds.zarr")).expected

@@ -102,6 +102,7 @@ def test_an_episode_that_cannot_be_made_is_quarantined_alone(
     assert checksums(out) == want
 
 
+@pytest.mark.soak
 def test_deaths_give_the_same_bytes_for_any_number_of_workers(tmp_path: Path) -> None:
     deeds = {5: "raise ValueError('no')", 6: "os._exit(3)"}
     if IS_SOAK:

@@ -15,6 +15,7 @@ from numpy._core import _multiarray_umath
 from support.places import TESTS
 from support.processor_runs import CASES
 from support.same_bytes import ALLOWED, PACKAGE, findings, path_modules
+from support.scale import soak_only
 from support.tiny_models import tiny_model
 
 from grasp_factory.core.cache import VARIABLE
@@ -132,7 +133,7 @@ def test_episodes_are_made_without_a_call_of_blas_or_of_numpys_functions():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kernels", ["Haswell", "Nehalem"])
+@pytest.mark.parametrize("kernels", ["Haswell", *soak_only("Nehalem")])
 def test_bytes_do_not_depend_on_the_kernels_of_blas(kernels):
     assert run(("OPENBLAS_CORETYPE", kernels)) == run()
 

@@ -19,7 +19,7 @@ import pytest
 from support.fake_episodes import make_episode, small_config
 from support.faulty_disk import FaultyDisk
 from support.helpers import assert_same_tree, tree
-from support.scale import soak_only
+from support.scale import sampled, soak_only
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.os_errors import GO_ON
@@ -88,7 +88,7 @@ def want(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.usefixtures("quick")
 class TestAFault:
     @pytest.mark.parametrize("stays", [*soak_only(False), True])
-    @pytest.mark.parametrize("stage", STAGES)
+    @pytest.mark.parametrize("stage", sampled(STAGES, 7))
     def test_at_any_stage_is_one_error_and_the_run_is_gone_on_with(
         self, tmp_path: Path, want: Path, stage: str, stays: bool
     ) -> None:
