@@ -600,14 +600,15 @@ class TestSeveralWriters:
         assert log.annotations() == AnnotationLog(store).annotations()
         assert tags_of(store) == {f"{who} {i}" for who in "abcd" for i in range(count)}
 
+    @pytest.mark.parametrize("kind", [fcntl.LOCK_EX, fcntl.LOCK_SH], ids=["alone", "shared"])
     def test_wait_for_each_other_but_not_for_ever(
-        self, store: Path, monkeypatch: pytest.MonkeyPatch
+        self, store: Path, monkeypatch: pytest.MonkeyPatch, kind: int
     ) -> None:
         monkeypatch.setattr(log_file, "WAIT_S", 0.05)
         log = AnnotationLog(store)
         log.append("ann", [0], [("tag", "odd")])
         with log_of(store).open("rb") as held:
-            fcntl.flock(held, fcntl.LOCK_EX)
+            fcntl.flock(held, kind)
             with pytest.raises(StoreBusyError, match="another process holds it for more than"):
                 log.append("ann", [0], [("tag", "more")])
             assert log.of(0) == AnnotationLog(store).of(0)
