@@ -24,6 +24,8 @@ from grasp_factory.curation.replay import replay
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory.generate import generate
 
+pytestmark = pytest.mark.slow
+
 N = 3
 CONFIG = FactoryConfig(resolution=(32, 24), block_size=4)
 

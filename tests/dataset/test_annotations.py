@@ -56,6 +56,8 @@ from grasp_factory.writers.zarr.header import root_attributes
 from grasp_factory.writers.zarr.metadata_checksum import is_sealed
 from grasp_factory.writers.zarr.store import create_store, prepare_store
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config(resolution=[16, 16])
 WIDTH, HEIGHT = CONFIG.resolution
 N = 16
@@ -554,7 +556,6 @@ class TestWhoSaysIt:
 
 
 class TestSeveralWriters:
-    @pytest.mark.slow
     def test_lose_nothing_of_each_other(self, sample: Path) -> None:
         count = 200
         processes = [adding(sample, who, 0, count) for who in ("ann", "bob")]
@@ -570,7 +571,6 @@ class TestSeveralWriters:
         assert [change.who for change in log.changes()].count("ann") == count
         assert verify(sample).problems == ()
 
-    @pytest.mark.slow
     @pytest.mark.parametrize("seed", sampled(range(6), 2))
     def test_that_are_killed_have_said_what_they_had_done(self, sample: Path, seed: int) -> None:
         rng = np.random.default_rng(seed)
@@ -751,7 +751,6 @@ class TestAStoreWithAnnotations:
             "annotations: 'mine.txt': not the store's; nothing reads it"
         ]
 
-    @pytest.mark.slow
     @pytest.mark.parametrize("damage", ["delete", "edit", "shape"])
     def test_gets_the_folders_description_again(self, annotated: Path, damage: str) -> None:
         file = annotated / "annotations" / "zarr.json"
@@ -818,7 +817,6 @@ class TestAStoreThatCannotBeWritten:
             AnnotationLog(store).append("ann", [0], [("tag", "odd")])
         assert not (tmp_path / "elsewhere").exists()
 
-    @pytest.mark.slow
     @pytest.mark.parametrize("there", ["empty", "log", "nothing"])
     def test_because_its_folder_is_a_link_which_is_not_read_either(
         self, sample: Path, tmp_path: Path, there: str
@@ -945,7 +943,6 @@ class TestMerging:
         assert merge([plain], tmp_path / "out").annotations == 0
         assert not (tmp_path / "out" / "annotations").exists()
 
-    @pytest.mark.slow
     def test_takes_those_of_every_row_along(self, store: Path, tmp_path: Path) -> None:
         other = make_store(tmp_path / "other", seed=5)
         AnnotationLog(store).append("ann", [1, 5], [("tag", "odd"), ("quality", 3)])
@@ -982,7 +979,6 @@ class TestMerging:
         qualities = [c.value for c in log.history(3) if c.kind == "quality"]
         assert qualities == [1, 2, 3, 4]
 
-    @pytest.mark.slow
     def test_of_parts_of_one_store_has_each_change_once(self, store: Path, tmp_path: Path) -> None:
         log = AnnotationLog(store)
         log.append("ann", [0, 1, 2, 3], [("tag", "odd"), ("untag", "odd"), ("tag", "odd")])

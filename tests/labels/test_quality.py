@@ -52,6 +52,8 @@ from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
 
+pytestmark = pytest.mark.slow
+
 USUAL = QualityConfig()
 GROUPS = tuple(dict.fromkeys(criterion.group for criterion in CRITERIA))
 Streams = dict[str, NDArray[Any]]
@@ -161,7 +163,6 @@ SPOILED: dict[str, tuple[str, Callable[[Episode], Episode]]] = {
 
 
 class TestCriteria:
-    @pytest.mark.slow
     def test_clean_episodes_score_best(self) -> None:
         for episode in default_episodes(20):
             assert missed_groups(found_in(episode)) == set()
@@ -467,7 +468,6 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class TestInTheStore:
-    @pytest.mark.slow
     def test_columns_are_those_measured_on_what_is_stored(self, store: Path) -> None:
         dataset = Dataset.open(store)
         columns = {name: dataset.column(name) for name in MEASURED}

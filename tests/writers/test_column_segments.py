@@ -28,6 +28,8 @@ from grasp_factory.writers.zarr.segment_packing import is_time_to_pack, pack
 from grasp_factory.writers.zarr.sizes import store_bytes
 from grasp_factory.writers.zarr.store import prepare_store
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config(resolution=(16, 16))
 N = 27
 """Six whole blocks of 4 and a short one, of which segments of 2 blocks take 0 to 1 and 4 to 5."""

@@ -29,6 +29,8 @@ from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.staging import StagingFolder
 from grasp_factory.writers.zarr.store import prepare_store
 
+pytestmark = pytest.mark.slow
+
 CONFIG = small_config()
 
 
@@ -131,7 +133,6 @@ def test_a_creation_in_an_empty_directory_that_fails_leaves_it_empty(
     assert list((tmp_path / "out").iterdir()) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("calls", range(MOVES))
 def test_a_creation_in_an_empty_directory_that_is_killed_is_begun_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
@@ -221,7 +222,6 @@ def test_pending_are_the_blocks_with_a_missing_row_below_n(tmp_path: Path) -> No
     assert pending_blocks(path, 4) == [0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("done", "n"), [(0, 13), (1, 9), (20, 5), (-1, 9)])
 def test_a_growth_that_was_interrupted_is_taken_up_with_any_number(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: int, n: int
