@@ -71,6 +71,6 @@ def _read(path: Path, part: ByteRequest | None) -> bytes | None:
                 first, size = 0, status.st_size
         with open(file, "rb", closefd=False) as content:
             content.seek(first)
-            return content.read(size)
+            return content.read(max(min(size, status.st_size), 0))  # a damaged index asks for more
     finally:
         os.close(file)
