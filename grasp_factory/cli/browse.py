@@ -76,7 +76,7 @@ def browse(
     require_server()
     from grasp_factory.apps.browse.app import create_app
     from grasp_factory.apps.browse.serving import Server, address, is_loopback, listen, own_names
-    from grasp_factory.apps.browse.thumbnails import Thumbnails
+    from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
     from grasp_factory.cli.bars import counted
     from grasp_factory.dataset.index import fresh
 

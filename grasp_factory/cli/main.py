@@ -25,11 +25,12 @@ from grasp_factory.cli.params import Commands
 from grasp_factory.cli.pictures import plot, preview, sheet
 from grasp_factory.cli.query import query
 from grasp_factory.cli.relabel import relabel
+from grasp_factory.cli.repair import repair
 from grasp_factory.cli.replay import replay
 from grasp_factory.cli.rerun import rerun_
-from grasp_factory.cli.stores import repair, verify
 from grasp_factory.cli.tag import tag, tags
 from grasp_factory.cli.train import learning_curve, train
+from grasp_factory.cli.verify import verify
 
 COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     "Make a dataset": (

@@ -688,7 +688,7 @@ def test_a_selection_is_of_its_stores_and_of_episodes_that_there_are(
 def test_a_card_shows_few_of_many_tags_and_how_many_more_there_are(page: Page) -> None:
     code = """
       const done = arguments[arguments.length - 1];
-      Promise.all([import('/static/cards.js'), import('/static/api.js')]).then(([{card}]) => {
+      Promise.all([import('/static/card.js'), import('/static/api.js')]).then(([{card}]) => {
         const row = {store: 0, row: 1, status: 'committed', outcome: 'success', tags: arguments[0],
                      lift_height: -0.0001, checksum: ''};
         const node = card(row, new URLSearchParams(), {stores: [{id: 0}]}, false);

@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 from support.browse_process import Running, browsing
 from support.fake_episodes import JOINTS, make_episode, make_spec, small_config
 
-from grasp_factory.apps.browse.files import FOLDER
 from grasp_factory.apps.browse.guard import HEADERS, MOST_BODY, Guard
 from grasp_factory.apps.browse.serving import MOST_HEADER
+from grasp_factory.apps.browse.static_files import FOLDER
 from grasp_factory.dataset.annotations import AnnotationLog
 from grasp_factory.robots import ROBOTS
 from grasp_factory.writers import ZarrWriter
@@ -639,7 +639,7 @@ class TestScript:
         self, store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         from grasp_factory.apps.browse.app import create_app
-        from grasp_factory.apps.browse.thumbnails import Thumbnails
+        from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
         from grasp_factory.dataset.index import Index, fresh
 
         def fail(*_: object) -> None:

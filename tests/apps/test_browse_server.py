@@ -28,12 +28,12 @@ from support.fake_episodes import JOINTS, make_episode, make_rows, small_config
 from support.places import TINY
 from support.scale import scaled
 
-from grasp_factory.apps.browse import crowd, serving, site
+from grasp_factory.apps.browse import query_limit, serving, site
 from grasp_factory.apps.browse.app import create_app
-from grasp_factory.apps.browse.drawing import THUMB_WIDTH, video_frame
+from grasp_factory.apps.browse.image_files import THUMB_WIDTH, video_frame
 from grasp_factory.apps.browse.numbers import DIGITS, json_bytes, plain, rounded
 from grasp_factory.apps.browse.points import MOST_POINTS, cloud_bytes
-from grasp_factory.apps.browse.thumbnails import Thumbnails
+from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
 from grasp_factory.apps.pictures.painting import label_palette
 from grasp_factory.core.enums import Label
 from grasp_factory.core.serialization import to_plain
@@ -683,12 +683,12 @@ class TestStoresThatChange:
             return count(index, *asked)
 
         monkeypatch.setattr(Index, "page", slowly)
-        monkeypatch.setattr(crowd, "WAIT_S", 0.05)
+        monkeypatch.setattr(query_limit, "WAIT_S", 0.05)
         with fresh([stores[REAL]], tmp_path / "index.sqlite") as index:
             app = create_app(index, "", {"localhost"}, thumbnails=Thumbnails(tmp_path))
             ask = lambda _: app.test_client().get("/api/episodes").status_code  # noqa: E731
-            with ThreadPoolExecutor(crowd.ASKING) as pool:
-                asking = [pool.submit(ask, None) for _ in range(crowd.ASKING)]
+            with ThreadPoolExecutor(query_limit.ASKING) as pool:
+                asking = [pool.submit(ask, None) for _ in range(query_limit.ASKING)]
                 try:
                     assert all(inside.acquire(timeout=60) for _ in asking)
                     assert "too many" in get(app.test_client(), "/api/ids", 503)["error"]

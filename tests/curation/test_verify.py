@@ -705,7 +705,7 @@ class TestTheCommand:
     def test_text_is_cut_after_50_problems(
         self, copy: Path, run: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("grasp_factory.cli.stores.MOST_LINES", 2)
+        monkeypatch.setattr("grasp_factory.cli.verify.MOST_LINES", 2)
         for block in range(3):
             delete(f"episodes/spec/{block}")(copy)
         problems = len(verify(copy).problems)

@@ -11,7 +11,7 @@ from support.helpers import tree
 from support.stored import old_store
 
 from grasp_factory.apps.browse.app import create_app
-from grasp_factory.apps.browse.thumbnails import Thumbnails
+from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.index import fresh

@@ -40,7 +40,7 @@ from grasp_factory.policies import POLICIES
 from grasp_factory.policies.base import TIP_CLEARANCE, looking_down, target_points
 from grasp_factory.policies.closing import POINT_SIZE, Grip, close_on
 from grasp_factory.policies.direct import DIRECT
-from grasp_factory.policies.solid import SolidColumns
+from grasp_factory.policies.occupied_columns import SolidColumns
 from grasp_factory.policies.surface import Surface, outline, seen_surface
 from grasp_factory.policies.top_down import RANKED, TopDownParameters
 from grasp_factory.policies.uniform import UniformParameters

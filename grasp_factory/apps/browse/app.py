@@ -6,13 +6,19 @@ from collections.abc import Collection
 
 from flask import Flask
 
-from grasp_factory.apps.browse import changing, crowd, files, listing, viewing
+from grasp_factory.apps.browse import (
+    annotation_routes,
+    episode_routes,
+    grid_routes,
+    query_limit,
+    static_files,
+)
 from grasp_factory.apps.browse.answers import tell_errors_as_json
-from grasp_factory.apps.browse.asking import Number
 from grasp_factory.apps.browse.guard import Guard, install
-from grasp_factory.apps.browse.shelf import Shelf
+from grasp_factory.apps.browse.open_stores import OpenStores
+from grasp_factory.apps.browse.request_parameters import Number
 from grasp_factory.apps.browse.site import Live, Site
-from grasp_factory.apps.browse.thumbnails import Thumbnails
+from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
 from grasp_factory.dataset.index import Index
 
 
@@ -32,11 +38,11 @@ def create_app(
         live: A run that is making episodes; None if there is no such run.
         thumbnails: Where small pictures are stored; None for the cache folder.
     """
-    index.patience_s = crowd.ANSWER_S
+    index.patience_s = query_limit.ANSWER_S
     site = Site(
         index=index,
         guard=Guard.of(hosts, token),
-        shelf=Shelf(index.stores),
+        stores=OpenStores(index.stores),
         thumbnails=thumbnails or Thumbnails(),
         live=live,
     )
@@ -45,9 +51,14 @@ def create_app(
     app.url_map.merge_slashes = False  # an address with double slashes is refused
     app.url_map.converters["n"] = Number
     install(app, site.guard)
-    crowd.install(app)
+    query_limit.install(app)
     app.before_request(site.freshness.restore)
     tell_errors_as_json(app)
-    for part in (files.routes(), listing.routes(site), viewing.routes(site), changing.routes(site)):
+    for part in (
+        static_files.routes(),
+        grid_routes.routes(site),
+        episode_routes.routes(site),
+        annotation_routes.routes(site),
+    ):
         app.register_blueprint(part)
     return app

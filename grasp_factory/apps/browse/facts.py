@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.apps.browse.drawing import depth_range
+from grasp_factory.apps.browse.image_files import depth_range
+from grasp_factory.apps.browse.open_stores import OpenStore
 from grasp_factory.apps.browse.series import pad_size
-from grasp_factory.apps.browse.shelf import OpenStore
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError

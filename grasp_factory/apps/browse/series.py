@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.apps.browse.numbers import rounded
-from grasp_factory.apps.browse.shelf import OpenStore
+from grasp_factory.apps.browse.open_stores import OpenStore
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import MissingLibraryError, StoreError
 from grasp_factory.robots import ROBOTS, arm_chain

@@ -18,9 +18,9 @@ from waitress.parser import HTTPRequestParser, ParsingError  # type: ignore[impo
 from waitress.server import create_server  # type: ignore[import-untyped]
 from waitress.task import ErrorTask  # type: ignore[import-untyped]
 
-from grasp_factory.apps.browse.crowd import ASKING
 from grasp_factory.apps.browse.guard import ANY_ADDRESS, HEADERS, MOST_BODY
 from grasp_factory.apps.browse.numbers import json_bytes
+from grasp_factory.apps.browse.query_limit import ASKING
 from grasp_factory.errors import UsageError, shown
 
 PORT = 8642

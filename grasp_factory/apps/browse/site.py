@@ -11,8 +11,8 @@ from typing import Any, Protocol
 from flask import abort, request
 
 from grasp_factory.apps.browse.guard import Guard
-from grasp_factory.apps.browse.shelf import OpenStore, Shelf
-from grasp_factory.apps.browse.thumbnails import Thumbnails
+from grasp_factory.apps.browse.open_stores import OpenStore, OpenStores
+from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
 from grasp_factory.dataset.index import Index, build
 from grasp_factory.errors import GraspFactoryError, StoreError
 
@@ -33,7 +33,7 @@ class Site:
 
     index: Index
     guard: Guard
-    shelf: Shelf
+    stores: OpenStores
     thumbnails: Thumbnails
     live: Live | None
     freshness: Freshness = field(init=False)
@@ -48,11 +48,11 @@ class Site:
             StoreMismatchError, StoreError: if it cannot be opened.
         """
         self.check_store(number)
-        return self.shelf.open(number)
+        return self.stores.open(number)
 
     def check_store(self, number: int) -> None:
         """Abort with 404 for a number that no store has."""
-        if self.shelf.path(number) is None:
+        if self.stores.path(number) is None:
             abort(404, f"there is no store {number} here")
 
     def episode(self, number: int, row: int) -> tuple[OpenStore, str]:

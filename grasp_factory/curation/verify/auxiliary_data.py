@@ -68,10 +68,10 @@ def label_problems(pieces: PartialStore) -> Iterator[Problem]:
     if fault and names and not is_empty_group(document):
         yield _problem(LABELS, fault)
     for name in names:
-        yield from label_faults(path, name)
+        yield from added_label_faults(path, name)
 
 
-def label_faults(path: Path, name: str) -> Iterator[Problem]:
+def added_label_faults(path: Path, name: str) -> Iterator[Problem]:
     """Yield a problem for each part of an added label that differs from what was written."""
     values = {}
     for part in ("", *LABEL_COLUMNS):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from grasp_factory.core.geometry import Array
-from grasp_factory.signals.noise.figures import check_figures
+from grasp_factory.signals.noise.number_checks import check_figures
 from grasp_factory.signals.noise.occlusion import DepthImage, bends, incidence, shadow
 
 _DEGREE = math.pi / 180.0

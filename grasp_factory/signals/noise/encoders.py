@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.signals.noise.figures import check_figures, digitise
+from grasp_factory.signals.noise.number_checks import check_figures, digitise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

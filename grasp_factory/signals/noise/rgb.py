@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from grasp_factory.core.geometry import Array
 from grasp_factory.errors import UsageError
-from grasp_factory.signals.noise.figures import check_figures
+from grasp_factory.signals.noise.number_checks import check_figures
 
 RgbImage = NDArray[np.uint8]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from grasp_factory.core.geometry import Array
-from grasp_factory.signals.noise.figures import check_figures, digitise
+from grasp_factory.signals.noise.number_checks import check_figures, digitise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

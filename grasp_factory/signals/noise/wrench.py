@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grasp_factory.core.geometry import Array
-from grasp_factory.signals.noise.figures import check_figures, digitise
+from grasp_factory.signals.noise.number_checks import check_figures, digitise
 
 Six = tuple[float, float, float, float, float, float]
 

@@ -37,10 +37,18 @@ class AtomicStore(LocalStore):
             OSError: unless it is a regular file: opening a FIFO blocks.
         """
         # In this thread: a file is read in less time than another thread takes to start.
-        content = _read(self.root / key, byte_range)
+        content = self.read(key, byte_range)
         if content is None:
             return None
         return (prototype or default_buffer_prototype()).buffer.from_bytes(content)
+
+    def read(self, key: str, byte_range: ByteRequest | None = None) -> bytes | None:
+        """Return the content of a file, or a part of it; None if there is no file.
+
+        Raises:
+            OSError: unless it is a regular file.
+        """
+        return _read(self.root / key, byte_range)
 
     async def set(self, key: str, value: Buffer) -> None:
         """Write a file; replace what a killed writer left of it."""

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import zarr
 from numpy.typing import NDArray
+from zarr.storage import StorePath
 
 from grasp_factory import __version__
 from grasp_factory.core import schema
@@ -133,16 +134,19 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     Raises:
         StoreError: if it is missing or damaged.
     """
+    store = root.store
+    assert isinstance(store, AtomicStore)
     try:
-        array = root[path]
-    except KeyError:
-        what = f"array {path}: zarr.json is missing or invalid; run grasp-factory verify on it"
-        raise StoreError(f"{_where(root)} is damaged: {what}, and repair") from None
+        content = store.read(f"{path}/zarr.json")
+        if content is not None:
+            # Zarr's own way starts a task in another thread for each array.
+            metadata = json.loads(content)
+            return zarr.Array(zarr.AsyncArray.from_dict(StorePath(store, path), metadata))
     except Exception as error:  # Zarr raises any exception at damaged metadata
-        raise StoreError(f"{_where(root)} is damaged: array {path}: {first_line(error)}") from None
-    if not isinstance(array, zarr.Array):
-        raise StoreError(f"{_where(root)} is damaged: {path} is no array")
-    return array
+        what = f"array {path}: zarr.json is invalid: {first_line(error)}"
+        raise StoreError(f"{_where(root)} is damaged: {what}") from None
+    what = f"array {path}: zarr.json is missing; run grasp-factory verify on it, and repair"
+    raise StoreError(f"{_where(root)} is damaged: {what}")
 
 
 def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:

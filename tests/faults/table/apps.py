@@ -21,7 +21,7 @@ FAULTS = (
     ),
     Fault(
         "files-outside-the-folder-served",
-        "apps/browse/files.py",
+        "apps/browse/static_files.py",
         "send_from_directory(FOLDER, name, mimetype=kind)",
         "Response((FOLDER / name).read_bytes(), mimetype=kind)",
         ("apps/test_browse_security.py",),

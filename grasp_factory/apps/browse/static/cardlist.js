@@ -1,6 +1,6 @@
 // The cards of a page: which one has the focus, which are selected, which image they show.
 
-import { card, showFrame } from './cards.js';
+import { card, showFrame } from './card.js';
 import { clear, h } from './dom.js';
 import { addAll, onChange, selected, toggle } from './selection.js';
 

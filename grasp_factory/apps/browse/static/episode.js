@@ -4,7 +4,7 @@ import { makeAnnotate, makeNotes } from './annotate.js';
 import { getJson } from './api.js';
 import { NOTHING, inOrder, makeClock } from './clock.js';
 import { makeCloud } from './cloud.js';
-import { addCompare } from './comparing.js';
+import { addCompare } from './comparechoice.js';
 import { makeCurves } from './curves.js';
 import { h, isTyping } from './dom.js';
 import { makeFacts } from './facts.js';

@@ -8,7 +8,7 @@ import { drawChips, filterField, sortControl, wrongOrder } from './filters.js';
 import { count, plural, share } from './format.js';
 import { pager } from './paging.js';
 import { gridHash, paramsOf, stateOf } from './routes.js';
-import { selectionBar } from './selecting.js';
+import { selectionBar } from './selectionbar.js';
 
 const PAGE = 60;
 const MOST_BINS = 200;

@@ -6,12 +6,12 @@ from flask import Blueprint, Response, abort, request
 
 from grasp_factory.apps.browse import facts
 from grasp_factory.apps.browse.answers import BYTES, cached_answer, json_answer
-from grasp_factory.apps.browse.asking import integer
-from grasp_factory.apps.browse.drawing import KINDS, picture, thumbnail, video_frame
+from grasp_factory.apps.browse.image_files import KINDS, picture, thumbnail, video_frame
 from grasp_factory.apps.browse.numbers import json_bytes
+from grasp_factory.apps.browse.open_stores import OpenStore
 from grasp_factory.apps.browse.points import cloud_bytes
+from grasp_factory.apps.browse.request_parameters import integer
 from grasp_factory.apps.browse.series import episode_series, tactile
-from grasp_factory.apps.browse.shelf import OpenStore
 from grasp_factory.apps.browse.site import Site
 from grasp_factory.writers.zarr.header import read_array
 

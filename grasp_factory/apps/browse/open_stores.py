@@ -26,7 +26,7 @@ class OpenStore:
     log: AnnotationLog
 
 
-class Shelf:
+class OpenStores:
     """Opens each store once, and again when its header changes, for example its length.
 
     A store of fixed length is not opened again for rows that a run adds: each is read from files.
