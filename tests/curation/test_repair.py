@@ -59,7 +59,7 @@ from grasp_factory.factory.block_maker import BlockMaker
 from grasp_factory.factory.generate import generate
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr import layout, segment_packing
 from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.metadata_checksum import set_rows
 
@@ -379,7 +379,7 @@ def test_metadata_is_not_made_again_by_a_version_that_writes_it_otherwise(
 ) -> None:
     cut("streams/phase/zarr.json")(copy)
     before = tree(copy)
-    monkeypatch.setattr("grasp_factory.writers.zarr.layout.ZSTD_LEVEL", 9)
+    monkeypatch.setitem(layout._ZSTD["configuration"], "level", 9)
     result = repair(copy)
     assert not result.is_whole
     assert "is not as this version writes it" in result.failed[0]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import platform
 from collections.abc import Mapping
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +14,8 @@ from typing import Any, Literal
 import numpy as np
 import zarr
 from numpy.typing import NDArray
-from zarr.storage import StorePath
+from zarr.core.metadata import ArrayV3Metadata
+from zarr.storage import MemoryStore, StorePath
 
 from grasp_factory import __version__
 from grasp_factory.core import schema
@@ -140,13 +143,28 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
         content = store.read(f"{path}/zarr.json")
         if content is not None:
             # Zarr's own way starts a task in another thread for each array.
-            metadata = json.loads(content)
-            return zarr.Array(zarr.AsyncArray.from_dict(StorePath(store, path), metadata))
+            place = StorePath(store, path)
+            return zarr.Array(zarr.AsyncArray(metadata=_metadata(content), store_path=place))
     except Exception as error:  # Zarr raises any exception at damaged metadata
         what = f"array {path}: zarr.json is invalid: {first_line(error)}"
         raise StoreError(f"{_where(root)} is damaged: {what}") from None
     what = f"array {path}: zarr.json is missing; run grasp-factory verify on it, and repair"
     raise StoreError(f"{_where(root)} is damaged: {what}")
+
+
+def _metadata(content: bytes) -> ArrayV3Metadata:
+    """Return the metadata that a ``zarr.json`` holds, with attributes that may be changed."""
+    metadata = copy.copy(_parsed(content))
+    object.__setattr__(metadata, "attributes", dict(metadata.attributes))
+    return metadata
+
+
+@lru_cache(maxsize=256)
+def _parsed(content: bytes) -> ArrayV3Metadata:
+    array = zarr.AsyncArray.from_dict(StorePath(MemoryStore()), json.loads(content))
+    if not isinstance(array.metadata, ArrayV3Metadata):
+        raise ValueError(f"zarr_format {array.metadata.zarr_format}, valid: 3")
+    return array.metadata
 
 
 def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
-import zarr
-from zarr.codecs import ZstdCodec
+import numpy as np
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.writers.zarr.metadata_checksum import write_sealed
 
 # Plain zstd for everything; docs/performance/scale.md compares other codecs. Level 3 makes an
 # episode 1 % smaller and takes 50 % longer. Byte-shuffle would save 10 of the 57 KiB of streams;
@@ -20,43 +21,88 @@ ZSTD_LEVEL = 1
 # names of an array durable, and the block's number leads every file name.
 KEYS = {"name": "v2", "separator": "."}
 
-# An empty chunk is written like any other. If it were left out, it would be read as the fill
-# value, and a NaN or a -0.0 of the episode could be read with other bits than were written.
-RUNTIME: Any = {"write_empty_chunks": True}
+_LITTLE: dict[str, Any] = {"name": "bytes", "configuration": {"endian": "little"}}
+_ZSTD: dict[str, Any] = {"name": "zstd", "configuration": {"level": ZSTD_LEVEL, "checksum": False}}
 
 
-def shape(row: schema.Field, config: FactoryConfig, joints: int, n: int) -> tuple[int, ...]:
-    """Return the shape of a field's array for ``n`` episodes."""
-    return (n, *schema.shape(row, schema.sizes(config, joints)))
+def shapes(config: FactoryConfig, joints: int, n: int) -> dict[schema.Field, tuple[int, ...]]:
+    """Return the shape of each field's array for ``n`` episodes; ``joints`` are the robot's."""
+    sizes = schema.sizes(config, joints)
+    return {row: (n, *schema.shape(row, sizes)) for row in schema.expand(config)}
 
 
 def create_array(
-    root: zarr.Group, row: schema.Field, config: FactoryConfig, joints: int, n: int
+    folder: Path, row: schema.Field, whole: tuple[int, ...], config: FactoryConfig
 ) -> None:
-    """Create a field's array, empty, with its attributes."""
-    whole = shape(row, config, joints, n)
-    block = (config.block_size, *whole[1:])
+    """Create a field's array of a shape, empty, and the groups above it, in a store's folder.
+
+    Raises:
+        OSError: if the disk fails.
+    """
+    groups = row.path.split("/")[:-1]
+    for depth in range(1, len(groups) + 1):
+        group = folder.joinpath(*groups[:depth])
+        if not group.exists():
+            group.mkdir()
+            write_sealed(group / "zarr.json", _node("group", {}))
+    (folder / row.path).mkdir()
+    write_sealed(folder / row.path / "zarr.json", document(row, whole, config))
+
+
+def document(row: schema.Field, whole: tuple[int, ...], config: FactoryConfig) -> dict[str, Any]:
+    """Return the ``zarr.json`` of a field's array of a shape, without a seal.
+
+    It is written here and not by the Zarr library, so that it is the same for all its versions. The
+    keys are those of an array's metadata in the Zarr core specification, version 3.
+    """
+    block = [config.block_size, *whole[1:]]
+    codecs = [_values(row.dtype), _ZSTD]
     if row.is_image:
         # A block of videos, padded to the longest attempt, would be too large to hold.
-        shards = (1, *whole[1:]) if row.is_video else block
-        chunks = (1, 1, *whole[2:])
+        file = [1, *whole[1:]] if row.is_video else block
+        codecs = [_shard([1, 1, *whole[2:]], codecs)]
     elif row.length_column:
-        chunks, shards = (1, *whole[1:]), block
+        file, codecs = block, [_shard([1, *whole[1:]], codecs)]
     else:
-        chunks, shards = block, None
-    root.create_array(
-        row.path,
-        shape=whole,
-        chunks=chunks,
-        shards=shards,
-        dtype=str if row.dtype == "string" else row.dtype,
-        fill_value=row.fill,
-        compressors=[ZstdCodec(level=ZSTD_LEVEL)],
-        chunk_key_encoding=KEYS,  # type: ignore[arg-type]
-        dimension_names=dimension_names(row),
-        attributes=attributes(row, config),
-        config=RUNTIME,
-    )
+        file = block
+    is_nan = isinstance(row.fill, float) and math.isnan(row.fill)
+    return {
+        "shape": list(whole),
+        "data_type": row.dtype,
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": file}},
+        "chunk_key_encoding": {
+            "name": KEYS["name"],
+            "configuration": {"separator": KEYS["separator"]},
+        },
+        "fill_value": "NaN" if is_nan else row.fill,
+        "codecs": codecs,
+        **_node("array", attributes(row, config), dimension_names=dimension_names(row)),
+        "storage_transformers": [],
+    }
+
+
+def _values(dtype: str) -> dict[str, Any]:
+    """Return the codec that makes bytes of values."""
+    if dtype == "string":
+        return {"name": "vlen-utf8", "configuration": {}}
+    return {"name": "bytes"} if np.dtype(dtype).itemsize == 1 else _LITTLE
+
+
+def _shard(chunk: list[int], codecs: list[Any]) -> dict[str, Any]:
+    """Return the codec of a file of many chunks, whose index is at its end."""
+    return {
+        "name": "sharding_indexed",
+        "configuration": {
+            "chunk_shape": chunk,
+            "codecs": codecs,
+            "index_codecs": [_LITTLE, {"name": "crc32c"}],
+            "index_location": "end",
+        },
+    }
+
+
+def _node(kind: str, attributes: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"attributes": attributes, **more, "zarr_format": 3, "node_type": kind}
 
 
 def dimension_names(row: schema.Field) -> list[str]:

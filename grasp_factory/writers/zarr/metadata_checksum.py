@@ -25,9 +25,13 @@ Document = dict[str, Any]
 
 def seal(file: Path) -> None:
     """Add the seal to a ``zarr.json``."""
-    document = json.loads(file.read_bytes())
-    document["attributes"] = document.get("attributes", {}) | {SEAL: _digest(document)}
-    _write(file, document)
+    write_sealed(file, json.loads(file.read_bytes()))
+
+
+def write_sealed(file: Path, document: Document) -> None:
+    """Write a ``zarr.json`` with its seal."""
+    attributes = document.get("attributes", {}) | {SEAL: _digest(document)}
+    _write(file, document | {"attributes": attributes})
 
 
 def set_rows(file: Path, rows: int) -> None:

@@ -30,7 +30,7 @@ from grasp_factory.writers.zarr.header import (
     read_attributes,
     root_attributes,
 )
-from grasp_factory.writers.zarr.layout import create_array, shape
+from grasp_factory.writers.zarr.layout import create_array, shapes
 from grasp_factory.writers.zarr.metadata_checksum import seal, set_rows
 from grasp_factory.writers.zarr.staging import CREATING, StagingFolder
 from grasp_factory.writers.zarr.writer import COMMITTED
@@ -130,12 +130,12 @@ def create_store(
     """
     with _creation(target).building() as folder:
         root = zarr.create_group(folder, zarr_format=3, attributes=dict(attributes))
-        for row in schema.expand(config):
-            create_array(root, row, config, joints, n)
         for name, content in carried.items():
             add_carried(root, name, content)
         for metadata in folder.rglob("zarr.json"):
             seal(metadata)
+        for row, shape in shapes(config, joints, n).items():
+            create_array(folder, row, shape, config)
         fsync_tree(folder)
 
 
@@ -190,8 +190,9 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     fields = sorted(own, key=lambda row: row == schema.STATUS)
     arrays = {row: open_array(root, row.path) for row in fields}
     n = max(n, arrays[schema.STATUS].shape[0])
+    room = shapes(config, joints, n)
     for row, array in arrays.items():
-        _check_layout(path, row, array, shape(row, config, joints, n))
+        _check_layout(path, row, array, room[row])
     for row, array in arrays.items():
         partial_path(path / row.path / "zarr.json").unlink(missing_ok=True)
         if array.shape[0] != n:
