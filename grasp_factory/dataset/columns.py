@@ -13,7 +13,7 @@ from grasp_factory.core.splits import SPLITS
 from grasp_factory.dataset.balanced_sampling import draw_evenly
 from grasp_factory.dataset.checked_reader import CheckedColumns
 from grasp_factory.dataset.filters import matching
-from grasp_factory.dataset.row_index import RowIndex
+from grasp_factory.dataset.row_lookup import RowIndex
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.writer import COMMITTED

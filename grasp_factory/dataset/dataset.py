@@ -18,11 +18,11 @@ from grasp_factory.dataset.annotations import Annotation, AnnotationLog
 from grasp_factory.dataset.annotations.values import checked_tag
 from grasp_factory.dataset.checked_reader import CheckedColumns, checked_arrays, checked_label
 from grasp_factory.dataset.episode_reader import Episodes
+from grasp_factory.dataset.episode_views import EpisodeViews
 from grasp_factory.dataset.row_codec import NEEDED
-from grasp_factory.dataset.row_index import RowIndex
 from grasp_factory.dataset.row_integrity import must_have_fingerprints
+from grasp_factory.dataset.row_lookup import RowIndex
 from grasp_factory.dataset.sensor_reader import Readings
-from grasp_factory.dataset.sensor_views import EpisodeViews
 from grasp_factory.errors import StoreError, UsageError, lookup
 from grasp_factory.signals.noise import EpisodeNoise, SensorNoise, named_noise
 from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Made, shard_rows
-from grasp_factory.factory.executors import JOBS_PER_PROCESS, Executor, make_executor
-from grasp_factory.factory.name_check import check_names
-from grasp_factory.factory.pilot_blocks import (
+from grasp_factory.factory.dry_run_pilots import (
     PilotResult,
     episode_seconds,
     relative_error,
     run_pilot_blocks,
 )
+from grasp_factory.factory.executors import JOBS_PER_PROCESS, Executor, make_executor
+from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.platform_check import check_platform
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.world.connection import check_renderer

@@ -16,7 +16,7 @@ from grasp_factory.core.linear import length, norm, turned
 from grasp_factory.core.serialization import check_range
 from grasp_factory.policies.base import Policy
 from grasp_factory.policies.clearance import is_hit, off_the_table, open_gripper
-from grasp_factory.policies.closing import Grip, close_on
+from grasp_factory.policies.closing_outcome import Grip, close_on
 from grasp_factory.policies.contacts import antipodal_pairs
 from grasp_factory.policies.occupied_columns import SolidColumns, object_points
 from grasp_factory.policies.surface import Surface, joined, outline, seen_surface, walls_below

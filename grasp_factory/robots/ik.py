@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from grasp_factory.core.elementary import arctan2
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.linear import length
-from grasp_factory.robots.descent import (
+from grasp_factory.robots.kinematics import Chain
+from grasp_factory.robots.least_squares import (
     POSITION_TOLERANCE,
     Descent,
     damped_step,
@@ -22,7 +23,6 @@ from grasp_factory.robots.descent import (
     pose_errors,
     squares_of,
 )
-from grasp_factory.robots.kinematics import Chain
 
 SAME_SOLUTION = 0.1
 """Postures whose joints all agree to this many rad count as one solution."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.config.motion import CLOSING_SETTLE_S
+from grasp_factory.core.config.motion import CLOSING_SETTLE_S, STALLED_S
 from grasp_factory.core.config.physics import Stepping
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.sensors import SENSORS, STREAMS
@@ -21,8 +21,6 @@ from grasp_factory.simulation.world import EngineRow, wake
 
 STALLED_SPEED = 0.001
 """m/s: fingers slower than this have come to rest."""
-STALLED_S = 0.1
-"""Seconds for which they must stay this slow before the lift begins."""
 
 
 class Attempt:

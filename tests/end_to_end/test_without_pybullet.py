@@ -72,7 +72,7 @@ SIMULATES: Mapping[str, tuple[str, ...]] = {
 SIMULATORS = (
     *("simulation.", "apps.active_learning", "apps.physics_check", "apps.pictures.preview"),
     *("apps.playback.playback", "cli.run_progress", "curation.replay", "factory.block_maker"),
-    *("factory.dry_run", "factory.generate", "factory.pilot_blocks", "factory.platform_check"),
+    *("factory.dry_run", "factory.generate", "factory.dry_run_pilots", "factory.platform_check"),
 )
 """How the names begin of the modules that import the simulator."""
 IMPORT_ALL = """

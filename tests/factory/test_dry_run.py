@@ -20,11 +20,11 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.text_format import duration_text
 from grasp_factory.errors import RecipeError, StoreMismatchError
-from grasp_factory.factory import block_maker, dry_run, generate, pilot_blocks
+from grasp_factory.factory import block_maker, dry_run, generate
 from grasp_factory.factory.block_job import Made
 from grasp_factory.factory.dry_run import forecast, makespan, wilson
+from grasp_factory.factory.dry_run_pilots import FEWEST, Pilot, is_enough, relative_error
 from grasp_factory.factory.executors import JOBS_PER_PROCESS, InlineExecutor
-from grasp_factory.factory.pilot_blocks import FEWEST, Pilot, is_enough, relative_error
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.world import World
 
@@ -169,7 +169,7 @@ class TestForecast:
     def test_from_some_pilots_the_disk_of_all_is_foretold(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(pilot_blocks, "ENOUGH", math.inf)
+        monkeypatch.setattr(dry_run_pilots, "ENOUGH", math.inf)
         found = forecast(request(tmp_path / "ds.zarr", 24)).expected
         made = generate.generate(CONFIG, 24, tmp_path / "ds.zarr", workers=1)
         assert found is not None
@@ -188,8 +188,8 @@ class TestForecast:
     def test_makes_no_more_than_the_most(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(pilot_blocks, "ENOUGH", 0.0)
-        monkeypatch.setattr(pilot_blocks, "MOST", 12)
+        monkeypatch.setattr(dry_run_pilots, "ENOUGH", 0.0)
+        monkeypatch.setattr(dry_run_pilots, "MOST", 12)
         found = forecast(request(tmp_path / "ds.zarr", 20)).expected
         assert found is not None
         assert found.pilots == 12

@@ -38,7 +38,7 @@ from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import ConfigError
 from grasp_factory.policies import POLICIES
 from grasp_factory.policies.base import TIP_CLEARANCE, looking_down, target_points
-from grasp_factory.policies.closing import POINT_SIZE, Grip, close_on
+from grasp_factory.policies.closing_outcome import POINT_SIZE, Grip, close_on
 from grasp_factory.policies.direct import DIRECT
 from grasp_factory.policies.occupied_columns import SolidColumns
 from grasp_factory.policies.surface import Surface, outline, seen_surface

@@ -19,8 +19,10 @@ MAX_CLOSING_STROKE = 0.06
 """Metres: bound for the travel of a finger; ``tests/robots/test_closing_time.py`` checks robots."""
 SLOWEST_FINGERS = 0.05
 """m/s: bound for the greatest speed of fingers; the same test checks it."""
+STALLED_S = 0.1
+"""Seconds for which the closed fingers must stand still before the lift begins."""
 CLOSING_SETTLE_S = 0.3
-"""Seconds that the fingers may take beyond their travel until they stand still."""
+"""Seconds that the fingers may take beyond their travel until they stood still for so long."""
 
 
 def straight_motion_s(distance: float, peak_speed: float) -> float:

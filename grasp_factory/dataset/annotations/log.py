@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory.core.serialization import is_integer
+from grasp_factory.dataset.annotations.change_checks import check_place
 from grasp_factory.dataset.annotations.folding import fold_in
 from grasp_factory.dataset.annotations.lines import decode, encode, now
 from grasp_factory.dataset.annotations.log_file import append, appending, log_file, reading
-from grasp_factory.dataset.annotations.place import check_place
 from grasp_factory.dataset.annotations.records import Annotation, Change
 from grasp_factory.dataset.annotations.values import checked, checked_who
 from grasp_factory.errors import UsageError, shown

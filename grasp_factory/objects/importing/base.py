@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from grasp_factory.core.geometry import Vector3
 from grasp_factory.errors import GraspFactoryError
 
-MESH_SUFFIXES = ("obj", "stl", "ply")
-SUFFIXES = (*MESH_SUFFIXES, "urdf")
-
 
 class UnusableError(GraspFactoryError):
     """An object that cannot be used; the message is the reason."""

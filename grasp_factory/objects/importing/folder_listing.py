@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from grasp_factory.errors import UsageError
-from grasp_factory.objects.importing.base import SUFFIXES, Refusal, UnusableError
+from grasp_factory.objects.importing.base import Refusal, UnusableError
+from grasp_factory.objects.importing.file_kinds import SUFFIXES
 
 SETTINGS_FILE = "objects.yaml"
 NOT_SETTINGS = f"objects.yml is not read: settings are looked for in {SETTINGS_FILE}"

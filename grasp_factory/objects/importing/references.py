@@ -8,7 +8,8 @@ from xml.etree.ElementTree import Element
 
 from grasp_factory.core.package_files import SCHEME
 from grasp_factory.errors import shown
-from grasp_factory.objects.importing.base import MESH_SUFFIXES, UnusableError
+from grasp_factory.objects.importing.base import UnusableError
+from grasp_factory.objects.importing.file_kinds import MESH_SUFFIXES
 from grasp_factory.objects.importing.folder_listing import suffix
 
 MAX_TEXT = 4 * 2**20

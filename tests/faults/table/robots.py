@@ -57,7 +57,7 @@ FAULTS = (
     ),
     Fault(
         "ik-ignores-joint-limits",
-        "robots/descent.py",
+        "robots/least_squares.py",
         "q = np.clip(q + damped_step(chain, q, J, error, squares), chain.lower, chain.upper)",
         "q = q + damped_step(chain, q, J, error, squares)",
         ("robots/test_ik.py",),

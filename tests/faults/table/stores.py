@@ -51,7 +51,7 @@ FAULTS = (
     ),
     Fault(
         "quarantined-rows-read",
-        "dataset/row_index.py",
+        "dataset/row_lookup.py",
         "(statuses == MISSING) | (statuses == QUARANTINED)",
         "statuses == MISSING",
         ("dataset/test_reading.py", "dataset/test_dataset.py"),

@@ -14,7 +14,7 @@ from grasp_factory.core.geometry import Array
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.checked_reader import CheckedColumns
 from grasp_factory.dataset.columns import EpisodeTable
-from grasp_factory.dataset.row_index import RowIndex
+from grasp_factory.dataset.row_lookup import RowIndex
 from grasp_factory.dataset.sensor_reader import IMAGES, Readings
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.signals.grasp_crop import CropShape, GraspCrop
