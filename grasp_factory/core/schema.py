@@ -7,7 +7,7 @@ The arrays of sensors are declared in ``sensors.py``.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -179,7 +179,7 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
     return {group.dim: group.longest(config) for group in series_groups()} | {
         "J": joints,
         "M": config.clutter.count,
-        "A": len(digested(config)),
+        "A": len(digested(expand(config))),
         "P": MAX_CONTACTS,
         "H": height,
         "W": width,
@@ -192,9 +192,9 @@ def expand(config: FactoryConfig) -> tuple[Field, ...]:
     return _expand(tuple(config.cameras), config.clutter.count, absent)
 
 
-def digested(config: FactoryConfig) -> tuple[str, ...]:
-    """Return the paths of the arrays that an episode's contents are made of."""
-    return tuple(row.path for row in expand(config) if row.path not in NOT_IN_AN_EPISODE)
+def digested(fields: Iterable[Field]) -> tuple[str, ...]:
+    """Return the paths of those fields of a store that an episode's contents are made of."""
+    return tuple(row.path for row in fields if row.path not in NOT_IN_AN_EPISODE)
 
 
 @lru_cache

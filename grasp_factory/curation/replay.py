@@ -99,6 +99,8 @@ def replay(path: Path, index: int) -> Replay:
         with World(dataset.config.renderer) as world:
             again = run_episode(world, dataset.spec(index))
         after, replayed = again.contents(), again.outcome.name.lower()
+        if before:  # a store from before a sensor was added lacks its arrays
+            after = {path: values for path, values in after.items() if path in before}
     except RecipeError as error:
         after, replayed = {}, str(error)
     difference = first_different(before, after)

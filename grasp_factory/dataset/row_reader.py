@@ -48,9 +48,9 @@ class RowReader:
         self.path = path
         root, self.config = open_store(path, mode="r")
         attributes = root.attrs.asdict()
-        self._fields = fields_of(path, self.config, attributes)
+        self.fields = fields_of(path, self.config, attributes)
         self._must_have_fingerprints = must_have_fingerprints(attributes)
-        self._arrays = open_arrays(root, path, self._fields, set(self._fields))
+        self._arrays = open_arrays(root, path, self.fields, set(self.fields))
         try:
             check_lengths(path, self._arrays)
         except StoreError as error:
@@ -65,7 +65,7 @@ class RowReader:
         """
         try:
             rows = read_rows(
-                lambda path, i, j: self._arrays[path].read(i, j), self._fields, start, stop
+                lambda path, i, j: self._arrays[path].read(i, j), self.fields, start, stop
             )
         except StoreError as error:
             raise StoreError(f"{error}; {mending(self.path)}") from None

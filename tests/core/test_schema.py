@@ -14,6 +14,7 @@ from grasp_factory.core.config.scene import ClutterConfig
 from grasp_factory.core.enums import Label, Outcome, Phase, names
 from grasp_factory.core.episode import CameraFrames
 from grasp_factory.core.schema import FIELDS, Field, expand, markdown_table, shape, sizes
+from grasp_factory.core.sensors import series_groups
 from grasp_factory.labels.rule import Measurements
 
 CAMERAS = {
@@ -59,11 +60,7 @@ class TestFields:
     def test_only_streams_have_a_time(self) -> None:
         for row in FIELDS:
             first = str(row.dims[0]) if row.dims else ""
-            expected = {
-                "T": "episodes/n_steps",
-                "U": "episodes/n_imu",
-                "V": "episodes/n_video",
-            }.get(first, "")
+            expected = {group.dim: group.length_column for group in series_groups()}.get(first, "")
             assert row.length_column == expected
             assert "T" not in row.dims[1:]
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from support.helpers import tree
 from support.places import REPOSITORY, TESTS, TINY
 from support.scenes import cube_spec
 from support.stored import old_store
@@ -18,7 +22,10 @@ from support.stored import old_store
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.sensors import SENSORS, SensorModel, SeriesGroup
 from grasp_factory.curation.verify.time_series import series_faults
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.index import fresh
 from grasp_factory.errors import ConfigError
+from grasp_factory.factory.generate import generate
 
 pytestmark = pytest.mark.slow
 
@@ -117,6 +124,34 @@ def command(python: Python) -> Python:
 
 
 @pytest.fixture(scope="module")
+def fails(folder: Path) -> Python:
+    """Run the command where the sensor is in the table, and return what it said as it failed."""
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (folder, REPOSITORY, TESTS)))}
+
+    def run(*words: object) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", "grasp_factory", *map(str, words)],
+            cwd=folder,
+            env=env,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode in (1, 2), done.stdout + done.stderr
+        assert "Traceback" not in done.stderr
+        return done.stdout + done.stderr
+
+    return run
+
+
+def tmp_config(store: Path) -> Path:
+    """Write the config of a store beside it, and return the file."""
+    file = store.with_suffix(".yaml")
+    file.write_text(yaml.safe_dump(Dataset.open(store).config.to_plain()), encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="module")
 def store(folder: Path, command: Python) -> Path:
     command(*MAKE, "--workers", 2, "--out", folder / "elbow.zarr")
     return folder / "elbow.zarr"
@@ -177,6 +212,58 @@ def test_stores_from_before_it_are_read_and_verified(
         assert episodes
         assert all("torque" not in episode for episode in episodes)
         assert json.loads(command("verify", store, "--json"))["problems"] == []
+
+
+class TestAStoreFromBeforeIt:
+    @pytest.fixture
+    def before(self, tmp_path: Path) -> Path:
+        return Path(shutil.copytree(TINY, tmp_path / "before.zarr"))
+
+    def test_replays_to_the_same_bytes(self, before: Path, command: Python) -> None:
+        found = json.loads(command("replay", before, 0, "--json"))
+        assert found["same"], found["difference"]
+
+    def test_is_split_and_merged_as_it_was(
+        self, before: Path, tmp_path: Path, command: Python
+    ) -> None:
+        for words in (("split", before), ("merge",)):
+            out = tmp_path / f"{words[0]}.zarr"
+            command(*words, out, *(("--episodes", "0,1") if words[0] == "split" else (before,)))
+            assert json.loads(command("verify", out, "--json"))["is_whole"]
+            assert not (out / "elbow").exists()
+
+    def test_is_not_merged_with_one_that_has_it(
+        self, store: Path, tmp_path: Path, command: Python, fails: Python
+    ) -> None:
+        generate(dataclasses.replace(Dataset.open(store).config, seed=9), 1, tmp_path / "plain")
+        text = fails("merge", tmp_path / "out.zarr", store, tmp_path / "plain")
+        assert "has the array elbow/timestamp, which" in text
+        assert "merge stores of one version" in text
+
+    def test_does_not_grow(self, before: Path, fails: Python) -> None:
+        settings = tmp_config(before)
+        text = fails("generate", "--config", settings, "--n", 99, "--out", before)
+        assert "was made by another version: " in text
+        assert "use that version or choose another --out" in text
+
+    def test_is_not_simulated_again_by_a_repair(
+        self, before: Path, command: Python, fails: Python
+    ) -> None:
+        (before / "streams" / "phase" / "0.0").unlink()
+        files = tree(before)
+        text = fails("repair", before)
+        assert "this version also records episodes/n_elbow, which the store does not have" in text
+        assert tree(before) == files
+
+    def test_an_index_from_before_it_is_built_again(
+        self, before: Path, tmp_path: Path, command: Python
+    ) -> None:
+        with fresh([before], tmp_path / "i.sqlite") as index:
+            assert index.stores
+        words = ("query", before, "--index", tmp_path / "i.sqlite")
+        rows = json.loads(command(*words, "--columns", "row,n_elbow", "--json"))["rows"]
+        assert {row["n_elbow"] for row in rows} == {None}
+        assert command(*words, "--where", "n_elbow>=1000000", "--count") == "0\n"
 
 
 GROUP = SeriesGroup(

@@ -1,4 +1,4 @@
-"""A robot, a policy, an object set, an exporter and a command are each one file and one row.
+"""A robot, a policy, an object set, a sensor, an exporter and a command: each one file, one row.
 
 A copy of the package gets one new file for each, and in the kind's table its import and its row.
 Then the real command, in a process of its own, lists each and uses it, with one worker and with
@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import zarr
 from support.helpers import assert_same_tree
 
 import grasp_factory
@@ -136,6 +137,32 @@ BRICKS = FiniteSet(
 )
 '''
 
+SENSOR = '''
+"""The torque of the elbow's motor."""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+
+from grasp_factory.simulation.scene import Scene
+from grasp_factory.simulation.sensors.base import Sensor, Tick
+
+
+class ElbowTorque(Sensor):
+    """See ``core.sensors``."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._torques = array("d")
+
+    def sample(self, tick: Tick) -> None:
+        self._torques.append(tick.joints[3][3])
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        return {"elbow_torque": np.array(self._torques, np.float32)}
+'''
+
 EXPORTER = '''
 """A table of outcomes."""
 
@@ -168,14 +195,15 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import STORE
-from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.cli.params import STORE, Command
 
 
-@click.command()
+@click.command(cls=Command, examples=("grasp-factory count-rows grasps.zarr",))
 @STORE
 def count_rows(path: Path) -> None:
     """Count the rows of the store at PATH."""
+    from grasp_factory.dataset.dataset import Dataset  # noqa: PLC0415
+
     click.echo(len(Dataset.open(path)))
 '''
 
@@ -203,6 +231,18 @@ ADDITIONS = {
         imported="from grasp_factory.objects.bricks import BRICKS",
         row="BRICKS, ",
         before=r"OBJECT_SETS: (?s:.*?) for \w+ in \(",
+    ),
+    "sensor": Addition(
+        file="simulation/sensors/elbow.py",
+        text=SENSOR,
+        table="core/sensors.py",
+        imported="",
+        row="""SensorModel(
+            name="elbow", description="torque of the elbow's motor", group=STREAMS,
+            implementation=f"{_HERE}.elbow:ElbowTorque",
+            fields=(STREAMS.series("elbow_torque", (), "float32", "applied", units="N m"),),
+        ), """,
+        before=r"SENSORS: (?s:.*?) for model in \(",
     ),
     "exporter": Addition(
         file="writers/exporters/outcomes.py",
@@ -270,6 +310,7 @@ def printed(package: Path, *args: object) -> str:
         ("robots", "turned_iiwa"),
         ("policies", "central"),
         ("objects", "bricks"),
+        ("sensors", "elbow"),
         ("export", "outcomes"),
     ],
 )
@@ -289,6 +330,9 @@ def generated(package: Path, kind: str, *words: object) -> list[Episode]:
     assert json.loads(printed(package, "verify", out, "--deep", 1, "--json"))["is_whole"]
     dataset = Dataset.open(out)
     assert dataset.committed.tolist() == [0, 1]
+    torques = zarr.open_array(out, path="streams/elbow_torque", mode="r")[:]
+    joints = dataset.series(0, "joint_torques")["joint_torques"]
+    assert torques[0, : len(joints)].tolist() == joints[:, 3].tolist()
     return list(dataset)
 
 

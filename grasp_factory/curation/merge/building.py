@@ -75,6 +75,7 @@ def build(
             joints=first.reader.joints,
             n=len(plan.store),
             carried=carried,
+            fields=first.reader.fields.values(),
         )
         on_start(int(np.sum(statuses > 0)))
         _copy(order, aside, on_row)

@@ -143,6 +143,7 @@ class SourceStore:
                 f"{self.path} is of another config than {other.path} ({found}); only the seed may"
                 " differ"
             )
+        self._check_arrays(other)
         mine, others = (
             {k: v for k, v in side.attributes.items() if k not in _OF_EACH}
             for side in (self, other)
@@ -151,6 +152,16 @@ class SourceStore:
             raise StoreMismatchError(
                 f"{self.path} says other things of its episodes than {other.path} ({found}):"
                 " they were made by versions that do not go together"
+            )
+
+    def _check_arrays(self, other: SourceStore) -> None:
+        """Check that both stores have the same arrays: a sensor may have been added in between."""
+        odd = sorted(set(self.reader.fields) ^ set(other.reader.fields))
+        if odd:
+            has, lacks = (self, other) if odd[0] in self.reader.fields else (other, self)
+            raise StoreMismatchError(
+                f"{has.path} has the array {odd[0]}, which {lacks.path} lacks: versions with other"
+                " sensors made them; merge stores of one version"
             )
 
     def _check_config(self) -> None:

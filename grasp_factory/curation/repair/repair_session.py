@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from grasp_factory import __version__
+from grasp_factory.core import schema
 from grasp_factory.core.atomic_file import fsync
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.platforms import ACCEPT
+from grasp_factory.core.schema import Field
 from grasp_factory.curation.repair.rebuild import (
     BlockMender,
     Mended,
@@ -85,7 +87,8 @@ class RepairSession:
         pieces = open_pieces(self._path)[0]
         with contextlib.suppress(GraspFactoryError):  # a damaged copy is repaired from the cache
             embedded_assets.unpack(self._path, pieces.config)
-        with self._template(pieces.config, pieces.attributes, pieces.rows) as template:
+        fields = pieces.fields.values()
+        with self._template(pieces.config, pieces.attributes, pieces.rows, fields) as template:
             damaged = [p.array for p in problems if p.episode is None and p.array]
             has_changed = self._mend_documents(template, pieces, damaged)
             self._remove_packed(damaged)
@@ -105,6 +108,10 @@ class RepairSession:
                 what = f"another program has rewritten {min(pieces.rewritten)}"
                 how = "take what is whole into a new store with grasp-factory split"
                 self.failed.append(f"rows stay as they are, for {what}: {how}")
+                return True
+            if broken and (added := _added_since(pieces)):
+                what = f"this version also records {added}, which the store does not have"
+                self.failed.append(f"rows stay as they are: {what}; repair with its own version")
                 return True
             self._mend_blocks(template, pieces, sorted(broken))
         return True
@@ -133,7 +140,11 @@ class RepairSession:
         return False
 
     def _template(
-        self, config: FactoryConfig, attributes: Mapping[str, Any], rows: int
+        self,
+        config: FactoryConfig,
+        attributes: Mapping[str, Any],
+        rows: int,
+        fields: Collection[Field] = (),
     ) -> Template:
         robot = check_names(config)
         try:
@@ -147,6 +158,7 @@ class RepairSession:
             joints=len(robot.arm_joints),
             n=rows,
             carried=files,
+            fields=fields,
         )
         return Template(self._path, create)
 
@@ -288,6 +300,12 @@ class RepairSession:
 def _is_of_root(problems: Iterable[Problem]) -> bool:
     """Return whether one of these is a problem of the root's own metadata."""
     return any(problem.episode is None and not problem.array for problem in problems)
+
+
+def _added_since(pieces: PartialStore) -> str:
+    """Return an array that episodes have here and not in a store; empty if there is none."""
+    here = schema.digested(schema.expand(pieces.config))
+    return next((path for path in here if path not in pieces.fields), "")
 
 
 def _is_begun(pieces: PartialStore, block: int) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -77,17 +77,13 @@ def has_config(path: Path) -> bool:
 
 def array_documents(path: Path, config: FactoryConfig) -> Iterator[tuple[str, Any, str]]:
     """Yield path, document and fault of every array that a store of this config has."""
-    listed, fault = read_document(path / schema.DIGESTS.path / FILE)
     attributes = read_attributes(path)
     fields = fields_of(path, config, attributes)
-    wanted = list(fields)
-    if not fault:  # an older version has fewer arrays
-        known = {*listed["attributes"].get("arrays", wanted), *schema.NOT_IN_AN_EPISODE}
-        wanted = [name for name in wanted if name in known]
+    recorded = schema.digested(fields.values())
     is_ours = attributes["versions"].get("grasp_factory") == __version__
-    for name in wanted:
+    for name, field in fields.items():
         document, fault = read_document(path / name / FILE)
-        if not fault and is_ours and not _is_of(document, fields[name], config):
+        if not fault and is_ours and not _is_of(document, field, recorded):
             fault = f"{FILE} is that of another array"
         yield name, document, fault
 
@@ -120,11 +116,11 @@ def is_empty_group(document: Any) -> bool:
     return bool(document == empty)
 
 
-def _is_of(document: Any, row: schema.Field, config: FactoryConfig) -> bool:
+def _is_of(document: Any, row: schema.Field, recorded: Sequence[str]) -> bool:
     """Return whether a sealed ``zarr.json`` has the attributes of a field's array."""
     attributes = {key: value for key, value in document["attributes"].items() if key != SEAL}
     return bool(
-        attributes == layout.attributes(row, config)
+        attributes == layout.attributes(row, recorded)
         and document["dimension_names"] == layout.dimension_names(row)
     )
 

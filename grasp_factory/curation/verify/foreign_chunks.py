@@ -35,7 +35,8 @@ def is_rewritten(document: Any, row: schema.Field, config: FactoryConfig) -> boo
         return False
     described = {key: value for key, value in attributes.items() if key != SEAL}
     names = document.get("dimension_names")
-    if described == layout.attributes(row, config) and names == layout.dimension_names(row):
+    recorded = schema.digested(schema.expand(config))
+    if described == layout.attributes(row, recorded) and names == layout.dimension_names(row):
         return True
     return row != schema.DIGESTS and is_recoded(document)
 

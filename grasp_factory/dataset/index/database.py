@@ -7,6 +7,7 @@ import os
 import sqlite3
 import struct
 import time
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,8 +18,11 @@ from grasp_factory.errors import StoreError, UsageError
 
 APPLICATION_ID = 0x47464958
 """Marks SQLite files that are an index of grasp-factory: ``GFIX``."""
-VERSION = 1
-"""Version of the tables. An index of another version is built again."""
+TABLES = 1
+"""Version of the tables, apart from the columns of episodes."""
+_COLUMNS = [(name, BY_NAME[name].kind) for name in OF_ROWS]
+VERSION = zlib.crc32(repr((TABLES, _COLUMNS)).encode()) >> 1
+"""Stored in each index. One with other tables or columns is built again."""
 WAIT_S = 60.0
 """Seconds to wait for another process that writes."""
 ROW_BITS = 40

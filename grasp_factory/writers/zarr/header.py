@@ -26,6 +26,7 @@ from grasp_factory.core.schema import FORMAT, FORMAT_VERSION, Field
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.atomic_store import AtomicStore
 from grasp_factory.writers.zarr.files import locate
+from grasp_factory.writers.zarr.metadata_checksum import is_intact
 
 LICENSE = "MIT"
 _NEEDED = {"config": dict, "config_sha256": str, "versions": dict, "platform": dict}
@@ -123,12 +124,26 @@ def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, Factor
 def fields_of(path: Path, config: FactoryConfig, attributes: Mapping[str, Any]) -> dict[str, Field]:
     """Return by path the fields of the store at ``path``, whose root has these attributes.
 
-    Stores of versions before 0.5.0 have no column of fingerprints.
+    A store that was made before a sensor was added lacks its arrays. Stores of versions before
+    0.5.0 have no column of fingerprints.
     """
     fields = {row.path: row for row in schema.expand(config)}
     if FINGERPRINT not in attributes and not (path / schema.FINGERPRINT.path).exists():
         del fields[schema.FINGERPRINT.path]
-    return fields
+    recorded = _recorded_arrays(path / schema.DIGESTS.path / "zarr.json")
+    if not recorded:
+        return fields
+    known = {*recorded, *schema.NOT_IN_AN_EPISODE}
+    return {name: field for name, field in fields.items() if name in known}
+
+
+def _recorded_arrays(file: Path) -> list[str]:
+    """Return the paths of the arrays that have digests; none if the ``zarr.json`` is damaged."""
+    try:
+        document = json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return []
+    return list(document["attributes"].get("arrays", ())) if is_intact(document) else []
 
 
 def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,37 +26,54 @@ _LITTLE: dict[str, Any] = {"name": "bytes", "configuration": {"endian": "little"
 _ZSTD: dict[str, Any] = {"name": "zstd", "configuration": {"level": ZSTD_LEVEL, "checksum": False}}
 
 
-def shapes(config: FactoryConfig, joints: int, n: int) -> dict[schema.Field, tuple[int, ...]]:
+def shapes(
+    fields: Collection[schema.Field], config: FactoryConfig, joints: int, n: int
+) -> dict[schema.Field, tuple[int, ...]]:
     """Return the shape of each field's array for ``n`` episodes; ``joints`` are the robot's."""
-    sizes = schema.sizes(config, joints)
-    return {row: (n, *schema.shape(row, sizes)) for row in schema.expand(config)}
+    sizes = {**schema.sizes(config, joints), "A": len(schema.digested(fields))}
+    return {row: (n, *schema.shape(row, sizes)) for row in fields}
 
 
-def create_array(
-    folder: Path, row: schema.Field, whole: tuple[int, ...], config: FactoryConfig
-) -> None:
-    """Create a field's array of a shape, empty, and the groups above it, in a store's folder.
+def create_array(folder: Path, path: str, metadata: Mapping[str, Any]) -> None:
+    """Create an array, empty, and the groups above it, in a store's folder.
+
+    Args:
+        folder: the store's folder.
+        path: the path of the array in the store.
+        metadata: its ``zarr.json``, without a seal.
 
     Raises:
         OSError: if the disk fails.
     """
-    groups = row.path.split("/")[:-1]
+    groups = path.split("/")[:-1]
     for depth in range(1, len(groups) + 1):
         group = folder.joinpath(*groups[:depth])
         if not group.exists():
             group.mkdir()
             write_sealed(group / "zarr.json", _node("group", {}))
-    (folder / row.path).mkdir()
-    write_sealed(folder / row.path / "zarr.json", document(row, whole, config))
+    (folder / path).mkdir()
+    write_sealed(folder / path / "zarr.json", metadata)
 
 
-def document(row: schema.Field, whole: tuple[int, ...], config: FactoryConfig) -> dict[str, Any]:
-    """Return the ``zarr.json`` of a field's array of a shape, without a seal.
+def documents(
+    fields: Collection[schema.Field], config: FactoryConfig, joints: int, n: int
+) -> dict[str, dict[str, Any]]:
+    """Return by path the ``zarr.json``, without a seal, of each field's array for ``n`` episodes.
 
-    It is written here and not by the Zarr library, so that it is the same for all its versions. The
-    keys are those of an array's metadata in the Zarr core specification, version 3.
+    They are written here and not by the Zarr library, so that they are the same for all its
+    versions. The keys are those of an array's metadata in the Zarr core specification, version 3.
     """
-    block = [config.block_size, *whole[1:]]
+    recorded = schema.digested(fields)
+    return {
+        row.path: _document(row, whole, config.block_size, attributes(row, recorded))
+        for row, whole in shapes(fields, config, joints, n).items()
+    }
+
+
+def _document(
+    row: schema.Field, whole: tuple[int, ...], block_size: int, attributes: dict[str, Any]
+) -> dict[str, Any]:
+    block = [block_size, *whole[1:]]
     codecs = [_values(row.dtype), _ZSTD]
     if row.is_image:
         # A block of videos, padded to the longest attempt, would be too large to hold.
@@ -76,7 +94,7 @@ def document(row: schema.Field, whole: tuple[int, ...], config: FactoryConfig) -
         },
         "fill_value": "NaN" if is_nan else row.fill,
         "codecs": codecs,
-        **_node("array", attributes(row, config), dimension_names=dimension_names(row)),
+        **_node("array", attributes, dimension_names=dimension_names(row)),
         "storage_transformers": [],
     }
 
@@ -115,15 +133,18 @@ def dimension_names(row: schema.Field) -> list[str]:
     return ["episode", *own]
 
 
-def attributes(row: schema.Field, config: FactoryConfig) -> dict[str, Any]:
-    """Return an array's attributes: units (empty: none), description, frame, names, arrays."""
+def attributes(row: schema.Field, recorded: Sequence[str]) -> dict[str, Any]:
+    """Return an array's attributes: units (empty: none), description, frame, names, arrays.
+
+    ``recorded`` are the paths of the arrays that an episode of the store is made of.
+    """
     out: dict[str, Any] = {"units": row.units, "description": row.description}
     if row.frame:
         out["frame"] = row.frame
     if row.names:
         out["names"] = list(row.names)
     if row == schema.DIGESTS:
-        out["arrays"] = list(schema.digested(config))
+        out["arrays"] = list(recorded)
     return out
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ SEAL = "metadata_sha256"
 VALUES_SEAL = "values_sha256"
 """The attribute of an array that is written once: the SHA-256 of its bytes."""
 
-Document = dict[str, Any]
+Document = Mapping[str, Any]
 
 
 def seal(file: Path) -> None:
@@ -31,7 +32,7 @@ def seal(file: Path) -> None:
 def write_sealed(file: Path, document: Document) -> None:
     """Write a ``zarr.json`` with its seal."""
     attributes = document.get("attributes", {}) | {SEAL: _digest(document)}
-    _write(file, document | {"attributes": attributes})
+    _write(file, {**document, "attributes": attributes})
 
 
 def set_rows(file: Path, rows: int) -> None:

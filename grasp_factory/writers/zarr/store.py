@@ -6,7 +6,7 @@ Only one process may do this at a time (see ``lock``), and only while no block i
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -30,7 +30,7 @@ from grasp_factory.writers.zarr.header import (
     read_attributes,
     root_attributes,
 )
-from grasp_factory.writers.zarr.layout import create_array, shapes
+from grasp_factory.writers.zarr.layout import create_array, documents, shapes
 from grasp_factory.writers.zarr.metadata_checksum import seal, set_rows
 from grasp_factory.writers.zarr.staging import CREATING, StagingFolder
 from grasp_factory.writers.zarr.writer import COMMITTED
@@ -113,6 +113,7 @@ def create_store(
     joints: int,
     n: int,
     carried: Mapping[str, bytes],
+    fields: Collection[schema.Field] = (),
 ) -> None:
     """Create an empty store at a path with nothing or an empty directory; see ``prepare_store``.
 
@@ -123,6 +124,8 @@ def create_store(
         joints: joint count of the config's robot.
         n: rows.
         carried: data to embed, by path in the store.
+        fields: of its arrays; empty for all of the schema. A store that was made before a sensor
+            was added has fewer.
 
     Raises:
         StoreMismatchError: if something that is not ours is in the way.
@@ -132,10 +135,11 @@ def create_store(
         root = zarr.create_group(folder, zarr_format=3, attributes=dict(attributes))
         for name, content in carried.items():
             add_carried(root, name, content)
-        for metadata in folder.rglob("zarr.json"):
-            seal(metadata)
-        for row, shape in shapes(config, joints, n).items():
-            create_array(folder, row, shape, config)
+        for file in folder.rglob("zarr.json"):
+            seal(file)
+        own = fields or schema.expand(config)
+        for name, metadata in documents(own, config, joints, n).items():
+            create_array(folder, name, metadata)
         fsync_tree(folder)
 
 
@@ -190,7 +194,7 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     fields = sorted(own, key=lambda row: row == schema.STATUS)
     arrays = {row: open_array(root, row.path) for row in fields}
     n = max(n, arrays[schema.STATUS].shape[0])
-    room = shapes(config, joints, n)
+    room = shapes(schema.expand(config), config, joints, n)
     for row, array in arrays.items():
         _check_layout(path, row, array, room[row])
     for row, array in arrays.items():

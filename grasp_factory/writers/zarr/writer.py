@@ -46,7 +46,7 @@ class ZarrWriter(Writer):
         self.path = Path(path)
         root, config = open_store(self.path, mode="r+")
         self._fields = tuple(fields_of(self.path, config, root.attrs.asdict()).values())
-        self._digested = schema.digested(config)
+        self._digested = schema.digested(self._fields)
         self._arrays = {row.path: open_array(root, row.path) for row in self._fields}
         self._is_collected = SOURCES in root.attrs
         self.block_size = config.block_size
