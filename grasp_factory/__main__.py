@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import click
 
 from grasp_factory.cli.signal_handling import leave, signals_as_exceptions
-from grasp_factory.core.os_errors import MACHINE_TROUBLE
+from grasp_factory.core.os_errors import MACHINE_ERRNOS
 from grasp_factory.core.text_format import escaped
 from grasp_factory.errors import (
     EXIT_DONE,
@@ -56,7 +56,7 @@ def main() -> NoReturn:
     except BrokenPipeError:  # the reader of the output is gone
         code = EXIT_FAILURE
     except OSError as error:
-        if error.errno not in MACHINE_TROUBLE:
+        if error.errno not in MACHINE_ERRNOS:
             raise
         where = f"{error.filename}: " if error.filename else ""
         code = _print_error(f"{where}{error.strerror}", EXIT_FAILURE)

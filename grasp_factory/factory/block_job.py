@@ -67,7 +67,7 @@ def shard_rows(request: Request) -> NDArray[np.int64]:
     return np.asarray(rows[request.shard.has(rows // request.config.block_size)])
 
 
-def in_few_words(row: Episode | Quarantined, index: int) -> Made:
+def summary_of(row: Episode | Quarantined, index: int) -> Made:
     """Return the summary of a row that was made."""
     more: dict[str, Any] = {"index": index, "policy": row.spec.policy}
     if isinstance(row, Quarantined):

@@ -11,7 +11,7 @@ from typing import Any
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
-from grasp_factory.core.os_errors import GO_ON, MACHINE_TROUBLE, NO_THREAD
+from grasp_factory.core.os_errors import HOW_TO_CONTINUE, MACHINE_ERRNOS, NO_THREAD
 from grasp_factory.dataset.row_reader import RowReader, StoredRow
 from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.factory.block_job import (
@@ -20,7 +20,7 @@ from grasp_factory.factory.block_job import (
     BlockJob,
     Committed,
     block_range,
-    in_few_words,
+    summary_of,
 )
 from grasp_factory.factory.executors import SendMessage
 from grasp_factory.policies.model_registry import find_model
@@ -60,8 +60,8 @@ class BlockMaker:
                 report(Begun(index=index))
             spec = sample_spec(self._config, index)
             rows[index] = self.make_row(spec, job.lost.get(index, ""))
-            report(in_few_words(rows[index], index))
-        with _naming_disk_trouble(f"{self._path}: block {job.block} cannot be written"):
+            report(summary_of(rows[index], index))
+        with _naming_disk_errors(f"{self._path}: block {job.block} cannot be written"):
             texts = [kept[i].fingerprint if i in kept else here for i in sorted(rows)]
             self._writer.write_block(job.block, [rows[i] for i in sorted(rows)], texts)
         report(Committed(block=job.block))
@@ -104,12 +104,12 @@ class BlockMaker:
         try:
             return run_episode(self._world, spec)
         except RecipeError as error:
-            _blame_machine(error.__context__, spec.index)
+            _raise_if_machine_failed(error.__context__, spec.index)
             return Quarantined(spec, str(error))
         except MemoryError:
             raise
         except Exception as error:
-            _blame_machine(error, spec.index)
+            _raise_if_machine_failed(error, spec.index)
             self.close()  # the next episode must not depend on this world
             return Quarantined(spec, _reason(error))
 
@@ -131,18 +131,20 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__}: {text}"
 
 
-def _blame_machine(error: BaseException | None, index: int) -> None:
+def _raise_if_machine_failed(error: BaseException | None, index: int) -> None:
     """Raise if the machine is at fault: an episode must not be quarantined for that."""
     # All files that an episode needs are in the package or the store: a missing one was removed.
-    if isinstance(error, OSError) and error.errno in MACHINE_TROUBLE | {errno.ENOENT}:
-        raise StoreError(f"episode {index} cannot be made: {error.strerror}; {GO_ON}") from None
+    if isinstance(error, OSError) and error.errno in MACHINE_ERRNOS | {errno.ENOENT}:
+        raise StoreError(
+            f"episode {index} cannot be made: {error.strerror}; {HOW_TO_CONTINUE}"
+        ) from None
     if isinstance(error, RuntimeError) and str(error) == NO_THREAD:
-        raise StoreError(f"episode {index} cannot be made: {error}; {GO_ON}") from None
+        raise StoreError(f"episode {index} cannot be made: {error}; {HOW_TO_CONTINUE}") from None
 
 
 @contextlib.contextmanager
-def _naming_disk_trouble(what: str) -> Iterator[None]:
+def _naming_disk_errors(what: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StoreError(f"{what}: {error.strerror or error}; {GO_ON}") from None
+        raise StoreError(f"{what}: {error.strerror or error}; {HOW_TO_CONTINUE}") from None

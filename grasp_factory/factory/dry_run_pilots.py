@@ -92,7 +92,7 @@ def run_pilot_blocks(
     config, pilots, to_make = request.config, list[Pilot](), sum(sizes.values())
     most = max(request.workers, math.ceil(MOST / config.block_size))
     drawn = np.random.default_rng(0).permutation(list(sizes))[:most].tolist()
-    with _place_beside(request.out) as place:
+    with _default_folder(request.out) as place:
         store, begun = place / "pilots.zarr", time.monotonic()
         robot = check_names(config)
         facts, files = origin_attributes(config, robot), embedded_assets.packed(config)
@@ -182,7 +182,7 @@ def _mean_start(pilots: Sequence[Pilot]) -> float:
 
 
 @contextlib.contextmanager
-def _place_beside(out: Path) -> Iterator[Path]:
+def _default_folder(out: Path) -> Iterator[Path]:
     """Yield a folder on the disk of ``out``, which is removed at the end."""
     target = locate(out)
     with contextlib.ExitStack() as stack:

@@ -10,7 +10,7 @@ from grasp_factory.errors import ConfigError, StoreError
 from grasp_factory.objects import find_set
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
 from grasp_factory.policies import model_registry
-from grasp_factory.writers.zarr.embedded import MODELS, OBJECTS, carried_by, read_carried
+from grasp_factory.writers.zarr.embedded import MODELS, OBJECTS, embedded_in, read_embedded
 
 
 def packed(config: FactoryConfig) -> dict[str, bytes]:
@@ -20,7 +20,7 @@ def packed(config: FactoryConfig) -> dict[str, bytes]:
         ConfigError: if this machine has not imported some of it.
     """
     pack = {OBJECTS: pack_folder, MODELS: model_registry.read}
-    return {path: pack[_group(path)](sha256) for path, sha256 in carried_by(config).items()}
+    return {path: pack[_group(path)](sha256) for path, sha256 in embedded_in(config).items()}
 
 
 def unpack(path: Path, config: FactoryConfig) -> None:
@@ -31,9 +31,9 @@ def unpack(path: Path, config: FactoryConfig) -> None:
     Raises:
         StoreError: if the store's copy is damaged.
     """
-    for name, sha256 in carried_by(config).items():
+    for name, sha256 in embedded_in(config).items():
         if not _is_here(name, sha256):
-            content = read_carried(path, name)
+            content = read_embedded(path, name)
             if content is not None:
                 _unpack_whole(path, name, sha256, content)
 

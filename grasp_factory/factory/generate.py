@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.os_errors import saying_how_to_go_on
+from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import StoreSummary, summarise
@@ -132,7 +132,7 @@ def generate(
     embedded_assets.unpack(path, config)
     robot = check_names(config)
     check_renderer(config.renderer)
-    with saying_how_to_go_on(), _lock(request) as lock, RunLog(target, request) as log:
+    with adding_how_to_continue(), _lock(request) as lock, RunLog(target, request) as log:
         check_platform(request)
         if lock.is_alone:
             facts, files = origin_attributes(config, robot), embedded_assets.packed(config)

@@ -51,7 +51,7 @@ from grasp_factory.dataset import index as index_package
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError
 from grasp_factory.factory import block_maker
-from grasp_factory.factory.block_job import Made, in_few_words
+from grasp_factory.factory.block_job import Made, summary_of
 from grasp_factory.factory.generate import generate
 from grasp_factory.simulation.world import World
 from grasp_factory.writers.zarr.store import prepare_store
@@ -437,7 +437,7 @@ class TestFactsOfAStore:
 
     def test_are_those_that_were_written(self, rows: list[Any], tmp_path: Path) -> None:
         reader = BlockFacts(tmp_path / "ds.zarr")
-        told = [in_few_words(row, 4 + k) for k, row in enumerate(rows)]
+        told = [summary_of(row, 4 + k) for k, row in enumerate(rows)]
         assert reader.committed(told)
         facts = reader.read(told)
         assert [fact.row for fact in facts] == [4, 5, 7]

@@ -40,7 +40,7 @@ from support.scale import IS_SOAK, sampled, scaled, soak_only
 from support.stored import old_store
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.os_errors import GO_ON
+from grasp_factory.core.os_errors import HOW_TO_CONTINUE
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.curation.merge import split
 from grasp_factory.curation.repair import rebuild, repair
@@ -339,7 +339,7 @@ def test_a_full_disk_is_said_with_what_stays(
     before = tree(copy)
     code, _, err = run("repair", copy, "--workers", 1)
     assert code == 1
-    assert err == f"Error: {copy}: {os.strerror(errno.ENOSPC)}; {GO_ON}\n"
+    assert err == f"Error: {copy}: {os.strerror(errno.ENOSPC)}; {HOW_TO_CONTINUE}\n"
     kept = {name: data for name, data in before.items() if not name.startswith("packed/")}
     assert kept.items() <= tree(copy).items()  # segments are derived
 

@@ -22,7 +22,7 @@ from support.helpers import assert_same_tree, tree
 from support.scale import sampled, soak_only
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.os_errors import GO_ON
+from grasp_factory.core.os_errors import HOW_TO_CONTINUE
 from grasp_factory.errors import GraspFactoryWarning, RecipeError, StaleLockWarning, StoreError
 from grasp_factory.factory import block_maker
 from grasp_factory.factory.block_job import BlockJob
@@ -101,7 +101,7 @@ class TestAFault:
             assert "\n" not in said
             assert str(tmp_path) in said
             assert os.strerror(error) in said
-            assert said.endswith(GO_ON)
+            assert said.endswith(HOW_TO_CONTINUE)
         else:
             # A diary without its line costs no episode.
             assert (stage, stays) == ("the diary", False)
@@ -168,7 +168,7 @@ def test_an_episode_is_not_quarantined_for_what_the_machine_did(
     monkeypatch.setattr(block_maker, "run_episode", fail)
     with pytest.raises(StoreError) as caught:
         BlockMaker(CONFIG, tmp_path / "ds.zarr")(BlockJob(block=0), lambda message: None)
-    want = f"episode 0 cannot be made: {os.strerror(number)}; {GO_ON}"
+    want = f"episode 0 cannot be made: {os.strerror(number)}; {HOW_TO_CONTINUE}"
     assert str(caught.value) == want
     assert not (tmp_path / "ds.zarr/episodes/status/0").exists()
 
@@ -256,7 +256,7 @@ def check_line(text: str, reason: str) -> None:
     """Check that stderr is one error, after warnings at most."""
     *before, last = text.splitlines()
     assert last.startswith("Error: ")
-    assert f": {reason}; {GO_ON}" in last
+    assert f": {reason}; {HOW_TO_CONTINUE}" in last
     assert all(line.startswith("Warning: ") for line in before)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from grasp_factory.core.atomic_file import write_atomic
-from grasp_factory.core.os_errors import MACHINE_TROUBLE
+from grasp_factory.core.os_errors import MACHINE_ERRNOS
 from grasp_factory.errors import StoreError, UsageError
 
 
@@ -52,5 +52,5 @@ def write_if_new(file: Path, data: bytes) -> None:
 
 
 def _error(path: Path, what: str, error: OSError) -> StoreError | UsageError:
-    kind = StoreError if error.errno in MACHINE_TROUBLE else UsageError
+    kind = StoreError if error.errno in MACHINE_ERRNOS else UsageError
     return kind(f"{path} {what}: {error.strerror}; mend that, or choose another folder")

@@ -51,7 +51,7 @@ def together(parts: Sequence[TrainingSet]) -> TrainingSet:
     )
 
 
-def lessons_of(dataset: Dataset, facts: StoreFacts, watch: ProgressWatch) -> TrainingSet:
+def training_set_of(dataset: Dataset, facts: StoreFacts, watch: ProgressWatch) -> TrainingSet:
     """Read the examples of a round's store.
 
     Raises:
@@ -98,19 +98,19 @@ def joined(parts: Sequence[Examples]) -> Examples:
 
 
 def learn(
-    file: Path, lessons: TrainingSet, settings: TrainSettings, watch: ProgressWatch
+    file: Path, training_set: TrainingSet, settings: TrainSettings, watch: ProgressWatch
 ) -> GraspModel:
     """Return the network in a file; train and write it if the file does not exist.
 
     Raises:
         UsageError: if the file has another network, or there is too little data to learn from.
     """
-    facts = _facts(lessons, settings)
+    facts = _facts(training_set, settings)
     data = read(file)
     if data is None:
         try:
             trained = fit(
-                KIND, lessons.train, lessons.val, settings,
+                KIND, training_set.train, training_set.val, settings,
                 crop=CropShape(), touch=TouchWindow(), facts=facts, watch=watch,
             )  # fmt: skip
         except UsageError as error:
@@ -134,11 +134,11 @@ def _reader(dataset: Dataset) -> ExampleReader:
     return ExampleReader(dataset=dataset, uses=KINDS[KIND])
 
 
-def _facts(lessons: TrainingSet, settings: TrainSettings) -> dict[str, Any]:
+def _facts(training_set: TrainingSet, settings: TrainSettings) -> dict[str, Any]:
     return {
-        "stores": {store.path: to_plain(store) for store in lessons.stores},
-        "train_examples": len(lessons.train),
-        "val_examples": len(lessons.val),
+        "stores": {store.path: to_plain(store) for store in training_set.stores},
+        "train_examples": len(training_set.train),
+        "val_examples": len(training_set.val),
         "settings": to_plain(settings),
         VERSIONS: {"grasp_factory": __version__, "torch": version("torch")},
     }

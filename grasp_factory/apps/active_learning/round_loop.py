@@ -23,8 +23,8 @@ from grasp_factory.apps.active_learning.learning import (
     TrainingSet,
     held_out_examples,
     learn,
-    lessons_of,
     together,
+    training_set_of,
 )
 from grasp_factory.apps.active_learning.plot import picture_of
 from grasp_factory.apps.active_learning.rounds import ArmState, Choice, ModelFacts, Round, gains_of
@@ -133,29 +133,29 @@ class _Flywheel:
     def _start(self) -> ArmState:
         config, n = self._settings.start_config, self._settings.start
         dataset = self._complete("round0.zarr", config, n)
-        return self._stand(0, self._folder, (self._lessons(dataset),), None)
+        return self._state(0, self._folder, (self._training_set(dataset),), None)
 
     def _round(self, number: int, arm: str, before: ArmState) -> ArmState:
         sha256 = before.models[0].sha256
         make_folder(self._folder / arm)
         config, n = self._settings.round_config(number, arm, sha256), self._settings.budget
         dataset = self._complete(f"{arm}/round{number}.zarr", config, n)
-        parts = (*before.parts, self._lessons(dataset))
+        parts = (*before.parts, self._training_set(dataset))
         choice = Choice(model_sha256=sha256, prefer=ARMS[arm], mistakes=mistakes_of(dataset))
-        return self._stand(number, self._folder / arm, parts, choice)
+        return self._state(number, self._folder / arm, parts, choice)
 
-    def _lessons(self, dataset: Dataset) -> TrainingSet:
-        return lessons_of(dataset, store_facts(self._folder, dataset), self._watch)
+    def _training_set(self, dataset: Dataset) -> TrainingSet:
+        return training_set_of(dataset, store_facts(self._folder, dataset), self._watch)
 
-    def _stand(
+    def _state(
         self, number: int, place: Path, parts: tuple[TrainingSet, ...], choice: Choice | None
     ) -> ArmState:
         """Train a round's networks, or read them from their files, and judge them."""
-        lessons = together(parts)
+        training_set = together(parts)
         models, told = [], []
         for seed in range(self._settings.seeds):
             file = place / f"round{number}{f'.seed{seed}' if seed else ''}.safetensors"
-            model = self._learned(file, lessons, seed, number)
+            model = self._learned(file, training_set, seed, number)
             models.append(model)
             told.append(
                 ModelFacts(
@@ -170,20 +170,20 @@ class _Flywheel:
         judgement = self._judge.judge(models, self._watch)
         turn = Round(
             round=number,
-            store=lessons.stores[-1],
+            store=training_set.stores[-1],
             choice=choice,
-            learned_from=tuple(store.path for store in lessons.stores),
-            episodes=sum(store.episodes for store in lessons.stores),
-            train_examples=len(lessons.train),
-            val_examples=len(lessons.val),
+            learned_from=tuple(store.path for store in training_set.stores),
+            episodes=sum(store.episodes for store in training_set.stores),
+            train_examples=len(training_set.train),
+            val_examples=len(training_set.val),
             models=tuple(told),
             scores=judgement.scores(),
         )
         return ArmState(parts=parts, models=models, judgement=judgement, turn=turn)
 
-    def _learned(self, file: Path, lessons: TrainingSet, seed: int, number: int) -> GraspModel:
+    def _learned(self, file: Path, training_set: TrainingSet, seed: int, number: int) -> GraspModel:
         try:
-            return learn(file, lessons, self._settings.training(seed), self._watch)
+            return learn(file, training_set, self._settings.training(seed), self._watch)
         except UsageError as error:
             raise UsageError(f"round {number}: {error}") from None
 

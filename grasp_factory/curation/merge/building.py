@@ -21,7 +21,7 @@ from grasp_factory.curation.merge.union import NOBODY, RowPlan
 from grasp_factory.dataset.row_reader import RowReader, StoredRow, mending
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.columns import Columns
-from grasp_factory.writers.zarr.embedded import carried_by
+from grasp_factory.writers.zarr.embedded import embedded_in
 from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store, read_array
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
 from grasp_factory.writers.zarr.segment_packing import pack
@@ -65,7 +65,7 @@ def build(
     first, plan = order.sources[0], order.plan
     labels, left_out = carried_labels(order.sources, plan)
     check_annotations(order.sources)
-    carried = {name: _carried(order.sources, name) for name in carried_by(first.config)}
+    carried = {name: _carried(order.sources, name) for name in embedded_in(first.config)}
     statuses = _statuses(order)
     with order.place.building() as aside:
         create_store(

@@ -16,7 +16,7 @@ from grasp_factory.curation.verify.contents import fingerprint_problems, read_bl
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import StoreError
-from grasp_factory.factory.block_job import Begun, BlockJob, in_few_words
+from grasp_factory.factory.block_job import Begun, BlockJob, summary_of
 from grasp_factory.factory.executors import SendMessage
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr.layout import block_files
@@ -51,7 +51,7 @@ class Mended:
     """Rows whose recipes cannot be recovered; nothing in the block was changed."""
     is_risky: bool = False
     """Nothing in the block was changed, because rebuilding it may crash the process."""
-    untold: tuple[int, ...] = ()
+    unknown_platform: tuple[int, ...] = ()
     """Rows that are intact except for the fingerprint, and that differ when they are simulated on
     this platform. Nothing in the block was changed."""
     foreign: tuple[int, ...] = ()
@@ -60,7 +60,7 @@ class Mended:
     """How the platform of one of the foreign rows differs from this one."""
 
 
-class BlockMender:
+class BlockRebuilder:
     """Rebuilds blocks of a store in its template; ``RepairSession`` moves them into the store.
 
     Reports ``Begun`` and ``Made`` with the number of each row that is simulated, then ``Mended``.
@@ -81,7 +81,7 @@ class BlockMender:
         self._accept = accept
 
     def __reduce__(self) -> tuple[Any, ...]:
-        again = partial(BlockMender, isolated=self._isolated, accept=self._accept)
+        again = partial(BlockRebuilder, isolated=self._isolated, accept=self._accept)
         return again, (self._store, self._template)
 
     def __call__(self, job: BlockJob, report: SendMessage) -> None:
@@ -103,7 +103,7 @@ class BlockMender:
             after = checksum(row.contents())
             whole = rows[i]
             if whole and after != checksum(whole.contents()):
-                report(replace(came, untold=tuple(unknown)))
+                report(replace(came, unknown_platform=tuple(unknown)))
                 return
             rows[i] = row
             remade.append(RebuiltEpisode(episode=i, before=_recorded(found[i]), after=after))
@@ -118,7 +118,7 @@ class BlockMender:
         if i not in job.lost:
             report(Begun(index=i))
         row = self._maker.make_row(spec, job.lost.get(i, ""))
-        report(in_few_words(row, i))
+        report(summary_of(row, i))
         return row
 
     def _foreseen(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasp_factory.core.config.label import LabelConfig
-from grasp_factory.core.os_errors import saying_how_to_go_on
+from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.serialization import from_plain
 from grasp_factory.curation.relabel import relabel
 from grasp_factory.curation.repair.rebuild import RebuiltEpisode, checksums
@@ -74,7 +74,7 @@ def repair(
         UsageError: if there is no store.
         StoreError: if another process is writing to it, or the disk fails.
     """
-    with saying_how_to_go_on(Path(path)):
+    with adding_how_to_continue(Path(path)):
         return _repair(Path(path), workers, accept_other_platform, on_start, on_episode)
 
 
@@ -90,27 +90,27 @@ def _repair(
     if before.is_whole and not leftovers(path):
         return RepairReport(before=before, after=before, mended=(), failed=(), remade=())
     with StoreLock(path):
-        surgery = RepairSession(path, workers, on_episode, accept=accept)
-        goes_on = surgery.run(before)
+        session = RepairSession(path, workers, on_episode, accept=accept)
+        goes_on = session.run(before)
     if not goes_on:
-        failed = tuple(surgery.failed)
+        failed = tuple(session.failed)
         return RepairReport(before=before, after=before, mended=(), failed=failed, remade=())
-    remade = list(surgery.remade)
-    if surgery.to_generate:
-        remade += _generated(path, workers, accept, surgery, on_episode)
+    remade = list(session.remade)
+    if session.to_generate:
+        remade += _generated(path, workers, accept, session, on_episode)
     for name in sorted(_labels_of(before.problems)):
-        _relabel(path, name, surgery)
+        _relabel(path, name, session)
     try:
         with StoreLock(path):
             pack(path)
     except GraspFactoryError as error:
-        surgery.failed.append(f"columns are not packed: {error}")
+        session.failed.append(f"columns are not packed: {error}")
     after = verify(path, workers=workers, on_start=on_start, on_episode=on_episode)
     return RepairReport(
         before=before,
         after=after,
-        mended=tuple(surgery.mended),
-        failed=tuple(surgery.failed),
+        mended=tuple(session.mended),
+        failed=tuple(session.failed),
         remade=tuple(remade),
     )
 
@@ -119,7 +119,7 @@ def _generated(
     path: Path,
     workers: int,
     accept: bool,
-    surgery: RepairSession,
+    session: RepairSession,
     on_episode: Callable[[int], None],
 ) -> list[RebuiltEpisode]:
     """Generate the absent blocks; return the episodes in them."""
@@ -137,12 +137,12 @@ def _generated(
             on_episode=lambda made: on_episode(made.index),
         )
     except GraspFactoryError as error:
-        surgery.failed.append(f"{len(surgery.to_generate)} blocks cannot be made again: {error}")
+        session.failed.append(f"{len(session.to_generate)} blocks cannot be made again: {error}")
         return []
     pieces = open_pieces(path)[0]
     return [
         RebuiltEpisode(episode=row, before="", after=after)
-        for block in surgery.to_generate
+        for block in session.to_generate
         for row, after in checksums(pieces, block).items()
     ]
 
@@ -153,12 +153,12 @@ def _labels_of(problems: tuple[Problem, ...]) -> set[str]:
     return {place[1] for place in places if place[0] == LABELS and len(place) > 1}
 
 
-def _relabel(path: Path, name: str, surgery: RepairSession) -> None:
+def _relabel(path: Path, name: str, session: RepairSession) -> None:
     """Rebuild an added label from its thresholds; if they are lost, it stays as it is."""
     folder = path / LABELS / name
     thresholds = thresholds_of(path, name)
     if thresholds is None:
-        surgery.failed.append(
+        session.failed.append(
             f"{LABELS}/{name} cannot be made again, its thresholds are lost: delete {folder}, and"
             f" run grasp-factory relabel --name {name}"
         )
@@ -168,9 +168,9 @@ def _relabel(path: Path, name: str, surgery: RepairSession) -> None:
     try:
         relabel(path, name, from_plain(LabelConfig, thresholds))
     except GraspFactoryError as error:
-        surgery.failed.append(f"{LABELS}/{name} cannot be made again: {error}")
+        session.failed.append(f"{LABELS}/{name} cannot be made again: {error}")
     else:
-        surgery.mended.append(f"{LABELS}/{name} is derived again from its thresholds")
+        session.mended.append(f"{LABELS}/{name} is derived again from its thresholds")
     finally:
         _settle(damaged)
 

@@ -16,7 +16,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.core.schema import Field
 from grasp_factory.curation.repair.rebuild import (
-    BlockMender,
+    BlockRebuilder,
     Mended,
     RebuiltEpisode,
     files_of,
@@ -37,7 +37,7 @@ from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.retry_policy import Losses
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S
 from grasp_factory.writers.zarr.column_segments import FOLDER, segments, unpack_block
-from grasp_factory.writers.zarr.embedded import carried_by
+from grasp_factory.writers.zarr.embedded import embedded_in
 from grasp_factory.writers.zarr.header import SOURCES, root_attributes
 from grasp_factory.writers.zarr.label_columns import LABELS
 from grasp_factory.writers.zarr.metadata_checksum import SEAL
@@ -189,7 +189,7 @@ class RepairSession:
                 continue
             else:
                 template.give_document(name)
-                if name in carried_by(pieces.config):
+                if name in embedded_in(pieces.config):
                     chunks = sorted((template.path / name).glob("[0-9]*"))
                     template.give_files(chunks)
                 has_changed |= name in pieces.fields
@@ -226,7 +226,7 @@ class RepairSession:
         begun = [BlockJob(block=block) for block in blocks if _is_begun(pieces, block)]
         absent = sorted(set(blocks) - {job.block for job in begun})
         if pieces.is_collected:  # the factory does not know these rows
-            self._lose(row for block in absent for row in pieces.rows_of(block))
+            self._report_lost(row for block in absent for row in pieces.rows_of(block))
         else:
             self.to_generate = absent
         risky: list[BlockJob] = []
@@ -238,9 +238,9 @@ class RepairSession:
                 if made:
                     self._on_episode(made.index)
             elif message.lost:
-                self._lose(message.lost)
-            elif message.untold:
-                self._leave_untold(message.untold)
+                self._report_lost(message.lost)
+            elif message.unknown_platform:
+                self._report_unknown(message.unknown_platform)
             elif message.foreign and not message.is_risky:
                 foreign.append(message)
                 if self._accept:
@@ -252,14 +252,16 @@ class RepairSession:
 
         def run(executor: Executor, jobs: list[BlockJob]) -> None:
             isolated = isinstance(executor, ProcessExecutor)
-            mender = BlockMender(self._path, template.path, isolated=isolated, accept=self._accept)
+            mender = BlockRebuilder(
+                self._path, template.path, isolated=isolated, accept=self._accept
+            )
             with contextlib.closing(mender):
                 executor.run(mender, jobs, hear, losses.recover, losses.silence)
 
         run(executor_for(self._workers, len(begun), few=FEW), begun)
         if risky:
             run(ProcessExecutor(min(self._workers, len(risky))), risky)
-        self._tell_foreign(foreign)
+        self._report_foreign(foreign)
 
     def _put_in_place(self, template: Template, pieces: PartialStore, made: Mended) -> None:
         """Move a complete block into the store at once, so that the template does not grow."""
@@ -271,7 +273,7 @@ class RepairSession:
         rows = pieces.rows_of(made.block)
         self.mended.append(f"rows {rows[0]} to {rows[-1]} are whole again")
 
-    def _tell_foreign(self, blocks: list[Mended]) -> None:
+    def _report_foreign(self, blocks: list[Mended]) -> None:
         """Report whether rows of another platform were simulated here."""
         if not blocks:
             return
@@ -284,13 +286,13 @@ class RepairSession:
             what = f"rows {rows} are of another platform and are not simulated here: {why}"
             self.failed.append(f"{what}; {how}")
 
-    def _leave_untold(self, rows: Iterable[int]) -> None:
+    def _report_unknown(self, rows: Iterable[int]) -> None:
         """Report rows whose fingerprint is lost and that differ when they are simulated here."""
         numbers = ", ".join(map(str, rows))
         what = "are lost, and the rows have other bytes when they are simulated here"
         self.failed.append(f"fingerprints of rows {numbers} {what}: repair where they were made")
 
-    def _lose(self, rows: Iterable[int]) -> None:
+    def _report_lost(self, rows: Iterable[int]) -> None:
         """Report rows that cannot be rebuilt."""
         if numbers := ", ".join(map(str, rows)):
             what = "cannot be made again: nothing is left that tells the recipe"

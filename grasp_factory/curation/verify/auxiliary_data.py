@@ -24,7 +24,7 @@ from grasp_factory.dataset.annotations.log_file import NAME as LOG
 from grasp_factory.errors import StoreError, shown
 from grasp_factory.writers.zarr.column_segments import BYTES, FOLDER, Segment, segments
 from grasp_factory.writers.zarr.columns import Columns
-from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, carried_by, read_carried
+from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, embedded_in, read_embedded
 from grasp_factory.writers.zarr.header import open_array, open_store, read_array
 from grasp_factory.writers.zarr.label_columns import (
     LABEL_COLUMNS,
@@ -37,23 +37,23 @@ from grasp_factory.writers.zarr.segment_packing import NOT_PACKED
 from grasp_factory.writers.zarr.sizes import bytes_of_blocks
 from grasp_factory.writers.zarr.staging import CREATING
 
-_BESIDE = (ANNOTATIONS, LABELS, FOLDER, *DESCRIPTIONS)
+_OTHER_FOLDERS = (ANNOTATIONS, LABELS, FOLDER, *DESCRIPTIONS)
 """Folders that are checked separately."""
 _OWN_PARTIAL = re.compile(r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz)" + re.escape(PARTIAL))
 _CHUNK = re.compile(r"[0-9]+(\.[0-9]+)*")
 _NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")
 
 
-def carried_problems(pieces: PartialStore) -> Iterator[Problem]:
+def embedded_problems(pieces: PartialStore) -> Iterator[Problem]:
     """Yield a problem for each embedded array that differs from the one that was written."""
-    arrays = list(carried_by(pieces.config))
+    arrays = list(embedded_in(pieces.config))
     for group in dict.fromkeys(array.partition("/")[0] for array in arrays):
         if fault := read_document(pieces.path / group / FILE)[1]:
             yield _problem(group, fault)
     for array in arrays:
         document, fault = read_document(pieces.path / array / FILE)
         if not fault or is_recoded(document):
-            fault = _carried_fault(pieces.path, array, document)
+            fault = _embedded_fault(pieces.path, array, document)
         if fault:
             yield _problem(array, fault)
 
@@ -95,7 +95,7 @@ def rewritten_arrays(pieces: PartialStore) -> Iterator[str]:
     """Yield the path of each added label or embedded array that another program has rewritten."""
     labels = added_labels(pieces.path)
     arrays = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
-    for array in [*arrays, *carried_by(pieces.config)]:
+    for array in [*arrays, *embedded_in(pieces.config)]:
         document, fault = read_document(pieces.path / array / FILE)
         if fault and is_recoded(document):
             yield array
@@ -139,12 +139,12 @@ def unknown_file_notes(pieces: PartialStore) -> Iterator[str]:
         name = os.path.relpath(folder, pieces.path)
         inside = [d for d in folders if str(Path(name, d)) in own or str(Path(name, d)) in parents]
         if name == ".":
-            inside += [d for d in _BESIDE if d in folders]
+            inside += [d for d in _OTHER_FOLDERS if d in folders]
         known = name in own or name in parents
         if known:
             strange = [d for d in folders if d not in inside]
             strange += [f for f in files if not _is_own(f, name, pieces)]
-            folders[:] = [d for d in inside if d not in _BESIDE]
+            folders[:] = [d for d in inside if d not in _OTHER_FOLDERS]
         else:
             strange, folders[:] = [], []
         if strange:
@@ -164,7 +164,7 @@ def leftovers(path: Path) -> list[Path]:
 
 def _leftovers(path: Path) -> Iterator[str]:
     """Yield a note for leftovers of killed runs, and users' files, in folders without rows."""
-    for folder in _BESIDE:
+    for folder in _OTHER_FOLDERS:
         names = os.listdir(path / folder) if (path / folder).is_dir() else []
         left = [name for name in names if _is_left(name)]
         strange = [
@@ -203,9 +203,9 @@ def _note(folder: str, names: list[str]) -> str:
     return f"{where}{', '.join(map(shown, sorted(names)[:3]))}{more}: {what}; nothing reads it"
 
 
-def _carried_fault(path: Path, array: str, document: Any) -> str:
+def _embedded_fault(path: Path, array: str, document: Any) -> str:
     try:
-        content = read_carried(path, array) or b""
+        content = read_embedded(path, array) or b""
     except StoreError as error:
         return str(error)
     return _values_fault(np.frombuffer(content, np.uint8), document)

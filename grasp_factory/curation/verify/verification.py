@@ -13,7 +13,7 @@ from grasp_factory.core.serialization import check, is_integer
 from grasp_factory.core.text_format import count
 from grasp_factory.curation.verify.annotation_log import annotation_problems
 from grasp_factory.curation.verify.auxiliary_data import (
-    carried_problems,
+    embedded_problems,
     label_problems,
     packed_problems,
     rewritten_arrays,
@@ -120,7 +120,7 @@ def structure_problems(pieces: PartialStore) -> list[Problem]:
     """Return the problems of groups, and of the store's data other than rows."""
     groups = group_faults(pieces.path, pieces.fields)
     out = [Problem(episode=None, array=name, what=fault) for name, fault in groups]
-    for found in (carried_problems, label_problems, annotation_problems):
+    for found in (embedded_problems, label_problems, annotation_problems):
         out += found(pieces)
     return out
 

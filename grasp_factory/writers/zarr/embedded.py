@@ -23,14 +23,14 @@ CHUNK = 1 << 24
 """Bytes of a chunk."""
 
 
-def carried_by(config: FactoryConfig) -> dict[str, str]:
+def embedded_in(config: FactoryConfig) -> dict[str, str]:
     """Return the SHA-256 that names each embedded item of a store of this config, by path in it."""
     objects = {f"{OBJECTS}/{name}": sha256 for name, sha256 in config.object_folders.items()}
     return objects | {f"{MODELS}/{name}": sha256 for name, sha256 in config.models.items()}
 
 
-def add_carried(root: zarr.Group, path: str, content: bytes) -> None:
-    """Embed data in a new store, at one of the paths of ``carried_by``."""
+def add_embedded(root: zarr.Group, path: str, content: bytes) -> None:
+    """Embed data in a new store, at one of the paths of ``embedded_in``."""
     data = np.frombuffer(content, np.uint8)
     array = root.create_array(
         path,
@@ -48,7 +48,7 @@ def add_carried(root: zarr.Group, path: str, content: bytes) -> None:
     array[:] = data
 
 
-def read_carried(store: Path, path: str) -> bytes | None:
+def read_embedded(store: Path, path: str) -> bytes | None:
     """Return the data embedded in a store at a path; None if there is no data, or no store yet.
 
     Raises:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from grasp_factory.core.os_errors import MACHINE_TROUBLE
+from grasp_factory.core.os_errors import MACHINE_ERRNOS
 from grasp_factory.errors import StoreError, StoreMismatchError
 
 
@@ -31,7 +31,7 @@ def locate(path: Path) -> Path:
 
 def cannot_write(path: Path, error: OSError) -> StoreError | StoreMismatchError:
     """Return the error to raise when a store, or its lock, cannot be made at ``path``."""
-    if error.errno in MACHINE_TROUBLE:
+    if error.errno in MACHINE_ERRNOS:
         return StoreError(f"{path} cannot be written: {error.strerror}")
     parent = path.resolve().parent
     why = error.strerror if parent.is_dir() else f"there is no directory {parent}"

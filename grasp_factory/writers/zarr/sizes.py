@@ -28,7 +28,7 @@ def store_bytes(columns: Columns) -> int:
     paths = {row.path for row in schema.expand(columns.config)}
     arrays = {str(columns.path / path) for path in paths}
     metadata = sum(_size(Path(array) / "zarr.json") for array in arrays)
-    beside = _bytes_beside(columns.path, arrays)
+    beside = _other_bytes(columns.path, arrays)
     return total + bytes_of_blocks(columns, np.flatnonzero(loose).tolist()) + metadata + beside
 
 
@@ -42,13 +42,13 @@ def bytes_of_blocks(columns: Columns, blocks: Iterable[int]) -> int:
     return total
 
 
-def _bytes_beside(folder: Path, arrays: set[str]) -> int:
+def _other_bytes(folder: Path, arrays: set[str]) -> int:
     """Return the bytes of all files below a folder that are not in one of these arrays."""
     total = 0
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
-                total += 0 if entry.path in arrays else _bytes_beside(Path(entry.path), arrays)
+                total += 0 if entry.path in arrays else _other_bytes(Path(entry.path), arrays)
             else:
                 total += entry.stat().st_size
     return total

@@ -20,7 +20,7 @@ from grasp_factory.core.atomic_file import fsync_tree, partial_path
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.columns import Columns
-from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, add_carried
+from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, add_embedded
 from grasp_factory.writers.zarr.files import cannot_write, locate
 from grasp_factory.writers.zarr.header import (
     SOURCES,
@@ -74,7 +74,7 @@ def prepare_store(
         joints: joint count of the config's robot.
         n: episodes.
         extra: more root attributes, JSON data, for a new store.
-        carried: data to embed in a new store, by path in it (``carried_by``).
+        carried: data to embed in a new store, by path in it (``embedded_in``).
 
     Raises:
         StoreMismatchError: if the path holds anything else, or cannot be written.
@@ -134,7 +134,7 @@ def create_store(
     with _creation(target).building() as folder:
         root = zarr.create_group(folder, zarr_format=3, attributes=dict(attributes))
         for name, content in carried.items():
-            add_carried(root, name, content)
+            add_embedded(root, name, content)
         for file in folder.rglob("zarr.json"):
             seal(file)
         own = fields or schema.expand(config)
