@@ -18,10 +18,10 @@ from grasp_factory.objects.base import (
     UrdfFile,
 )
 from grasp_factory.objects.blobs import BLOBS
-from grasp_factory.objects.chosen import check_splits, draw_of
 from grasp_factory.objects.classic import CLASSIC
 from grasp_factory.objects.folder import load_folder
 from grasp_factory.objects.procedural import PROCEDURAL
+from grasp_factory.objects.split_sets import check_splits, draw_of
 from grasp_factory.objects.visual import visual_parts
 
 OBJECT_SETS: Mapping[str, ObjectSet] = {s.name: s for s in (BLOBS, CLASSIC, PROCEDURAL)}

@@ -19,7 +19,7 @@ from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.geometry import Pose
 from grasp_factory.core.platforms import Fingerprint
 from grasp_factory.core.renderer import Renderer
-from grasp_factory.policies.networks.known import known_log_odds
+from grasp_factory.policies.networks.known_answers import known_log_odds
 from grasp_factory.simulation.world import DATA, World
 
 PHYSICS = PhysicsConfig(free_hz=240, solver_iterations=50, gravity=9.81)

@@ -33,8 +33,8 @@ from grasp_factory.apps.active_learning.stores import StoreFacts, complete, make
 from grasp_factory.apps.active_learning.text import flywheel_text
 from grasp_factory.apps.learning import scores
 from grasp_factory.apps.learning.examples import Examples
+from grasp_factory.apps.learning.progress_callback import unwatched
 from grasp_factory.apps.learning.scores import Estimate
-from grasp_factory.apps.learning.watching import unwatched
 from grasp_factory.cli import run_progress
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference

@@ -21,6 +21,7 @@ from grasp_factory import FactoryConfig, generate
 from grasp_factory.apps.learning.comparison import Course, Splits, compare, read_splits, train_on
 from grasp_factory.apps.learning.curve import Steps, learning_curve
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
+from grasp_factory.apps.learning.progress_callback import unwatched
 from grasp_factory.apps.learning.report import report_of, training_report_text
 from grasp_factory.apps.learning.scores import (
     FIGURES,
@@ -29,9 +30,8 @@ from grasp_factory.apps.learning.scores import (
     calibration_error,
     object_mean,
 )
+from grasp_factory.apps.learning.simple_baselines import majority, pose_only
 from grasp_factory.apps.learning.training import TrainSettings, cross_entropy, fit
-from grasp_factory.apps.learning.trivial import majority, pose_only
-from grasp_factory.apps.learning.watching import unwatched
 from grasp_factory.core.enums import Phase
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, UsageError

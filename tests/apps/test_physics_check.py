@@ -12,7 +12,7 @@ from grasp_factory.apps.physics_check import (
     SHORT,
     check_physics,
     coulomb,
-    held,
+    held_object,
     inertial,
     label_convergence,
 )
@@ -40,21 +40,21 @@ def by_check(figures):
 
 
 def test_at_rest_everything_agrees_with_newton(successes):
-    figures = held.at_rest(successes)
+    figures = held_object.at_rest(successes)
     assert len(figures) == 4
     assert all(figure.passes for figure in figures), figures_text(figures)
 
 
 def test_pads_that_read_two_percent_too_much_are_found(successes):
     wrong = [scaled(episode, "tactile_force", 1.02) for episode in successes]
-    found = by_check(held.at_rest(wrong))
+    found = by_check(held_object.at_rest(wrong))
     assert not found["pads' force against weight", "median"]
     assert found["wrist less tool weight against weight", "median"]
 
 
 def test_a_wrist_that_reads_one_percent_too_much_is_found(successes):
     wrong = [scaled(episode, "wrist_wrench", 1.01) for episode in successes]
-    found = by_check(held.at_rest(wrong))
+    found = by_check(held_object.at_rest(wrong))
     assert not found["wrist less tool weight against weight", "median"]
     assert found["pads' force against weight", "median"]
 
@@ -65,7 +65,7 @@ def test_contact_points_a_millimetre_off_are_found(successes):
         streams = dict(episode.streams)
         streams["tactile_position"] = streams["tactile_position"] + np.float32(0.001)
         wrong.append(dataclasses.replace(episode, streams=streams))
-    found = by_check(held.at_rest(wrong))
+    found = by_check(held_object.at_rest(wrong))
     assert not found["pads' moment about the COM, of weight x 1 cm", "median"]
 
 

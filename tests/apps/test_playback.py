@@ -38,7 +38,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError, StoreError, UnknownNameError, UsageError
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
-from grasp_factory.simulation.world.posed import PosedWorld
+from grasp_factory.simulation.world.playback_world import PosedWorld
 
 Run = Callable[..., tuple[int, str, str]]
 

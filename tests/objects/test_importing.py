@@ -34,7 +34,7 @@ from grasp_factory.objects.importing import (
 )
 from grasp_factory.objects.importing import child as child_module
 from grasp_factory.objects.importing.child import Child, CrashError
-from grasp_factory.objects.importing.job import Job, Shape
+from grasp_factory.objects.importing.messages import Job, Shape
 from grasp_factory.simulation.world import World
 
 pytestmark = pytest.mark.slow
@@ -391,7 +391,7 @@ class TestChild:
     def test_libraries_that_are_missing_are_named_with_the_remedy(
         self, folder: Path, replace_child: Any
     ) -> None:
-        use = "from grasp_factory.objects.importing.job import encode"
+        use = "from grasp_factory.objects.importing.messages import encode"
         send = f"{use}; os.write(1, encode({{'missing': 'x'}}))"
         replace_child(f"{send}; time.sleep(9)")
         told = r"this needs x, which is not installed: pip install 'grasp-factory\[meshes\]'"

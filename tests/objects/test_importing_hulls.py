@@ -14,10 +14,15 @@ from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
 from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.convert import convert
 from grasp_factory.objects.importing.hulls import MAX_CORNERS, MAX_HULLS, convex_parts, reduced
-from grasp_factory.objects.importing.job import Converted, Job, Shape
-from grasp_factory.objects.importing.joining import joined
 from grasp_factory.objects.importing.mesh_reader import read_mesh
-from grasp_factory.objects.importing.tidy import MAX_FACES, closed_bodies, tidied, without_dust
+from grasp_factory.objects.importing.messages import Converted, Job, Shape
+from grasp_factory.objects.importing.point_groups import joined
+from grasp_factory.objects.importing.solid_mesh import (
+    MAX_FACES,
+    closed_bodies,
+    tidied,
+    without_dust,
+)
 from grasp_factory.objects.importing.units import guess_scale, sides
 from grasp_factory.objects.obj_file import triangles
 

@@ -367,7 +367,7 @@ class TestNothingOutsideIsRead:
 
     def test_the_conversion_opens_no_file_at_all(self) -> None:
         from grasp_factory.objects.importing.convert import convert
-        from grasp_factory.objects.importing.job import Job, Shape
+        from grasp_factory.objects.importing.messages import Job, Shape
 
         texture = MESH.replace(b"v ", b"mtllib /etc/passwd\nusemtl a\nv ", 1)
         ply = nasty_meshes.encode("ply", *nasty_meshes.shapes()["box"])

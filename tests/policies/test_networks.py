@@ -39,7 +39,7 @@ from grasp_factory.policies.networks import (
     width_of,
 )
 from grasp_factory.policies.networks.inputs import DEEPEST, HEIGHT_UNIT, IMAGE, WIDTH
-from grasp_factory.policies.networks.known import known_log_odds
+from grasp_factory.policies.networks.known_answers import known_log_odds
 from grasp_factory.policies.networks.model import CHUNK, STEP
 from grasp_factory.policies.networks.nets import GraspNet
 from grasp_factory.signals.grasp_crop import CropShape, GraspCrop, grasp_crop

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from grasp_factory.apps.learning.examples import Examples
+from grasp_factory.apps.learning.progress_callback import ProgressWatch, unwatched
 from grasp_factory.apps.learning.scores import (
     FIGURES,
     RANGE,
@@ -16,7 +17,6 @@ from grasp_factory.apps.learning.scores import (
     interval,
     object_mean,
 )
-from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
 from grasp_factory.core.geometry import Array
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.policies.networks import GraspModel

@@ -30,8 +30,8 @@ from grasp_factory.apps.active_learning.plot import picture_of
 from grasp_factory.apps.active_learning.rounds import ArmState, Choice, ModelFacts, Round, gains_of
 from grasp_factory.apps.active_learning.settings import ARMS, FlywheelSettings
 from grasp_factory.apps.active_learning.stores import Make, complete, make_quietly, store_facts
+from grasp_factory.apps.learning.progress_callback import ProgressWatch, unwatched
 from grasp_factory.apps.learning.scores import LEVEL, RESAMPLES
-from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError

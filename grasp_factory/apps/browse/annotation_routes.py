@@ -8,7 +8,7 @@ from typing import Any
 
 from flask import Blueprint, Response, request
 
-from grasp_factory.apps.browse.answers import json_answer
+from grasp_factory.apps.browse.responses import json_answer
 from grasp_factory.apps.browse.site import Site
 from grasp_factory.core.serialization import is_integer, to_plain
 from grasp_factory.errors import GraspFactoryError, UsageError, shown

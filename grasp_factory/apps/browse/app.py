@@ -13,10 +13,10 @@ from grasp_factory.apps.browse import (
     query_limit,
     static_files,
 )
-from grasp_factory.apps.browse.answers import tell_errors_as_json
 from grasp_factory.apps.browse.guard import Guard, install
 from grasp_factory.apps.browse.open_stores import OpenStores
 from grasp_factory.apps.browse.request_parameters import Number
+from grasp_factory.apps.browse.responses import tell_errors_as_json
 from grasp_factory.apps.browse.site import Live, Site
 from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
 from grasp_factory.dataset.index import Index

@@ -5,12 +5,12 @@ from __future__ import annotations
 from flask import Blueprint, Response, abort, request
 
 from grasp_factory.apps.browse import facts
-from grasp_factory.apps.browse.answers import BYTES, cached_answer, json_answer
 from grasp_factory.apps.browse.image_files import KINDS, picture, thumbnail, video_frame
 from grasp_factory.apps.browse.numbers import json_bytes
 from grasp_factory.apps.browse.open_stores import OpenStore
 from grasp_factory.apps.browse.points import cloud_bytes
 from grasp_factory.apps.browse.request_parameters import integer
+from grasp_factory.apps.browse.responses import BYTES, cached_answer, json_answer
 from grasp_factory.apps.browse.series import episode_series, tactile
 from grasp_factory.apps.browse.site import Site
 from grasp_factory.writers.zarr.header import read_array

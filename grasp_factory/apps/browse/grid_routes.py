@@ -7,9 +7,9 @@ from typing import Any
 from flask import Blueprint, Response, request
 
 from grasp_factory import __version__
-from grasp_factory.apps.browse.answers import json_answer
 from grasp_factory.apps.browse.image_files import label_colors
 from grasp_factory.apps.browse.request_parameters import asked_query, integer
+from grasp_factory.apps.browse.responses import json_answer
 from grasp_factory.apps.browse.site import Site
 from grasp_factory.core.enums import Outcome, Phase, label_names, names
 from grasp_factory.core.serialization import to_plain

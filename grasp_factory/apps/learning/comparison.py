@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from grasp_factory import __version__
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
+from grasp_factory.apps.learning.progress_callback import ProgressWatch, unwatched
 from grasp_factory.apps.learning.scores import FIGURES, Bootstrap, Estimate, auc
+from grasp_factory.apps.learning.simple_baselines import majority, pose_only
 from grasp_factory.apps.learning.training import Trained, TrainSettings, fit
-from grasp_factory.apps.learning.trivial import majority, pose_only
-from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.serialization import check, to_plain
 from grasp_factory.dataset.dataset import Dataset

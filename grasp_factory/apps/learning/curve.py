@@ -10,10 +10,10 @@ import numpy as np
 
 from grasp_factory.apps.learning.comparison import Course, population_of, read_splits, train_on
 from grasp_factory.apps.learning.examples import Examples
+from grasp_factory.apps.learning.progress_callback import ProgressWatch, unwatched
 from grasp_factory.apps.learning.report import estimate_text
 from grasp_factory.apps.learning.scores import LEVEL, RANGE, Bootstrap, Estimate, auc, interval
-from grasp_factory.apps.learning.trivial import pose_only
-from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
+from grasp_factory.apps.learning.simple_baselines import pose_only
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.serialization import check
 from grasp_factory.dataset.dataset import Dataset

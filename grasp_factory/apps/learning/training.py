@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from grasp_factory.apps.learning.examples import Examples
-from grasp_factory.apps.learning.watching import ProgressWatch, unwatched
+from grasp_factory.apps.learning.progress_callback import ProgressWatch, unwatched
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.serialization import check, check_range
 from grasp_factory.errors import UsageError

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from grasp_factory.apps.physics_check import coulomb, held, inertial, label_convergence
+from grasp_factory.apps.physics_check import coulomb, held_object, inertial, label_convergence
 from grasp_factory.apps.physics_check.figure import Figure
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig
@@ -49,12 +49,12 @@ def check_physics(
         on_part(f"{effort.default} default episodes")
         default = _episodes(world, FactoryConfig(), effort.default)
         successes = [episode for episode in default if episode.success]
-        yield from held.at_rest(successes)
+        yield from held_object.at_rest(successes)
         yield from inertial.at_rest(successes)
         yield from inertial.noise_model()
         yield from label_convergence.overlaps(default)
         on_part(f"{effort.stepwise} episodes recorded at every step")
-        yield from held.in_motion(_successes(world, _stepwise_config(), effort.stepwise))
+        yield from held_object.in_motion(_successes(world, _stepwise_config(), effort.stepwise))
         on_part("the holding threshold of a cube")
         yield from coulomb.threshold(world)
         if effort.finer:

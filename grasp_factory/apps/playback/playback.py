@@ -28,7 +28,7 @@ from grasp_factory.errors import UsageError, lookup
 from grasp_factory.factory import embedded_assets
 from grasp_factory.simulation.images import Render
 from grasp_factory.simulation.scene import Scene, build_scene, render_cameras
-from grasp_factory.simulation.world.posed import PosedWorld
+from grasp_factory.simulation.world.playback_world import PosedWorld
 
 CAPTION = 28
 """Pixels below each frame for the caption."""

@@ -10,7 +10,7 @@ import rerun as rr
 from grasp_factory.apps.playback.track import Track
 from grasp_factory.apps.rerun.cameras import log_cameras, log_clouds, log_labels
 from grasp_factory.apps.rerun.layout import blueprint
-from grasp_factory.apps.rerun.moving import log_objects, log_robot
+from grasp_factory.apps.rerun.recorded_motion import log_objects, log_robot
 from grasp_factory.apps.rerun.scenery import log_scenery
 from grasp_factory.apps.rerun.sdk import RRD
 from grasp_factory.apps.rerun.series import log_phases, log_series

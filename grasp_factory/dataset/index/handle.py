@@ -28,7 +28,7 @@ from grasp_factory.dataset.index.database import (
 )
 from grasp_factory.dataset.index.query import Query
 from grasp_factory.dataset.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
-from grasp_factory.dataset.index.shown import shared_columns, shown_rows
+from grasp_factory.dataset.index.row_values import shared_columns, shown_rows
 from grasp_factory.errors import UsageError, lookup
 
 NEAR = 10_000

@@ -17,7 +17,7 @@ from grasp_factory.core.cache import digest
 from grasp_factory.core.optional import missing_libraries
 from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.objects.importing.base import UnusableError
-from grasp_factory.objects.importing.job import Converted, Job, decode, encode, message_length
+from grasp_factory.objects.importing.messages import Converted, Job, decode, encode, message_length
 
 TIME_LIMIT_S = 1200.0
 """Wall-clock seconds for one object, in case the child sleeps; the child limits its CPU time."""

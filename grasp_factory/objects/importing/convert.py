@@ -16,12 +16,12 @@ from grasp_factory.objects.base import PRIMITIVES, Part
 from grasp_factory.objects.folder import MAX_PRIMITIVES, MAX_REACH, Geometry
 from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.hulls import MAX_HULLS, convex_parts, hull_of
-from grasp_factory.objects.importing.job import Converted, Job
 from grasp_factory.objects.importing.mesh_reader import MeshSurface, read_mesh
+from grasp_factory.objects.importing.messages import Converted, Job
 from grasp_factory.objects.importing.obj_text import collision_text, visual_text
-from grasp_factory.objects.importing.seen import as_it_collides, visual_of
 from grasp_factory.objects.importing.shapes import part_of, placed, solid_of, tessellated
 from grasp_factory.objects.importing.units import check_size, sides
+from grasp_factory.objects.importing.visual_mesh import as_it_collides, visual_of
 from grasp_factory.objects.solids import Moments, bounds, moments, polyhedron, principal_axes
 
 DIGITS = 9

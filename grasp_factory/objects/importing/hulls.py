@@ -12,8 +12,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from grasp_factory.core.geometry import Array
 from grasp_factory.objects.importing.base import UnusableError
-from grasp_factory.objects.importing.joining import joined
-from grasp_factory.objects.importing.tidy import (
+from grasp_factory.objects.importing.point_groups import joined
+from grasp_factory.objects.importing.solid_mesh import (
     MAX_BODIES,
     bends,
     closed_bodies,

@@ -28,7 +28,7 @@ from grasp_factory.objects.importing.folder_listing import (
     read_inside,
     suffix,
 )
-from grasp_factory.objects.importing.job import Converted
+from grasp_factory.objects.importing.messages import Converted
 from grasp_factory.objects.importing.object_source import ObjectSource, load_source, referenced
 from grasp_factory.objects.importing.physical import finished
 from grasp_factory.objects.importing.settings import FolderSettings, Settings, parse_settings

@@ -13,7 +13,7 @@ from grasp_factory.core.cache import digest
 from grasp_factory.errors import shown
 from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.folder_listing import MAX_BYTES, read_inside, suffix
-from grasp_factory.objects.importing.job import Job, Shape
+from grasp_factory.objects.importing.messages import Job, Shape
 from grasp_factory.objects.importing.references import mesh_file, named_meshes
 from grasp_factory.objects.importing.settings import Settings
 from grasp_factory.objects.importing.urdf import Urdf, parse_urdf

@@ -11,7 +11,7 @@ from grasp_factory.core.cache import digest
 from grasp_factory.core.geometry import Pose, Vector3, transform
 from grasp_factory.objects.folder import FolderObject, Geometry
 from grasp_factory.objects.importing.base import UnusableError
-from grasp_factory.objects.importing.job import Converted
+from grasp_factory.objects.importing.messages import Converted
 from grasp_factory.objects.importing.object_source import ObjectSource
 from grasp_factory.objects.importing.settings import DENSITY, FRICTION, MASS_RANGE, Settings
 from grasp_factory.objects.solids import principal_axes

@@ -9,9 +9,9 @@ from grasp_factory.core.geometry import Pose, apply
 from grasp_factory.objects.base import Part
 from grasp_factory.objects.folder import ConvexPart
 from grasp_factory.objects.importing.base import UnusableError
-from grasp_factory.objects.importing.job import Shape
 from grasp_factory.objects.importing.mesh_reader import MeshSurface
-from grasp_factory.objects.importing.tidy import tidied
+from grasp_factory.objects.importing.messages import Shape
+from grasp_factory.objects.importing.solid_mesh import tidied
 from grasp_factory.objects.importing.units import guess_scale
 
 

@@ -14,7 +14,7 @@ from grasp_factory.core.geometry import Array, Pose, Vector3, apply, rotation_of
 from grasp_factory.errors import shown
 from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.folder_listing import suffix
-from grasp_factory.objects.importing.job import Shape
+from grasp_factory.objects.importing.messages import Shape
 from grasp_factory.objects.importing.references import parse_xml
 
 MAX_ELEMENTS = 256

@@ -15,7 +15,7 @@ from grasp_factory.core.parent_process import end_with_parent
 from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.objects.importing.base import UnusableError
-from grasp_factory.objects.importing.job import Job, decode, encode, receive
+from grasp_factory.objects.importing.messages import Job, decode, encode, receive
 
 MAX_MEMORY = 6 * 2**30
 """Bytes of address space; an ordinary object takes less than 1 GiB."""

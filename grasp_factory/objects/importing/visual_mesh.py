@@ -10,8 +10,8 @@ import trimesh
 from grasp_factory.core.geometry import Array, Vector3
 from grasp_factory.objects.base import PRIMITIVES, Part
 from grasp_factory.objects.importing.base import UnusableError
-from grasp_factory.objects.importing.job import Job
 from grasp_factory.objects.importing.mesh_reader import MeshSurface
+from grasp_factory.objects.importing.messages import Job
 from grasp_factory.objects.importing.shapes import part_of, placed, tessellated
 
 MAX_MISFIT = 0.5
