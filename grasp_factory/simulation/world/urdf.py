@@ -31,8 +31,7 @@ def _without_frames(text: str) -> bytes:
     The engine would spend 1.6 microseconds of each step on every one.
 
     Raises:
-        RecipeError: if one of them is rotated relative to the link that it is fixed to; no file
-            of this package has such a link.
+        RecipeError: if a joint of such a link has a rotation; no file of this package has one.
     """
     robot = ElementTree.fromstring(text)
     joints = robot.findall("joint")
@@ -59,7 +58,10 @@ def _end(joint: ElementTree.Element, kind: str) -> ElementTree.Element:
 def _shift(joint: ElementTree.Element) -> list[float]:
     origin = _end(joint, "origin")
     if any(float(v) for v in origin.get("rpy", "0 0 0").split()):
-        raise RecipeError(f"joint {joint.get('name')} turns a frame: give its link a body")
+        raise RecipeError(
+            f"joint {joint.get('name')} of an empty link has a rotation, valid: rpy 0 0 0: remove"
+            " the rotation, or give the link an inertial element"
+        )
     return [float(v) for v in origin.get("xyz", "0 0 0").split()]
 
 
