@@ -42,10 +42,6 @@ class World:
     """
 
     def __init__(self, renderer: Renderer = Renderer.TINY) -> None:
-        if not p.isNumpyEnabled():
-            raise GraspFactoryError(
-                "this pybullet was built without numpy: install the wheel, pybullet==3.2.7"
-            )
         self.renderer = renderer
         self._client = connect(renderer)
         self._sealed = False
