@@ -28,7 +28,7 @@ def with_packages(path: Path) -> str:
 def _without_frames(text: str) -> bytes:
     """Return a URDF without the empty links, which only name a frame.
 
-    The engine would spend 1.6 microseconds of each step on every one.
+    Each of them would cost the engine 1.6 microseconds per step.
 
     Raises:
         RecipeError: if a joint of such a link has a rotation; no file of this package has one.
@@ -67,5 +67,5 @@ def _shift(joint: ElementTree.Element) -> list[float]:
 
 @cache
 def _plain_name(directory: Path) -> str:
-    """Return an ASCII name of a directory, which the engine accepts, for any path."""
+    """Return an ASCII name for any directory: the engine accepts no other names."""
     return f"/proc/self/fd/{os.open(directory, os.O_PATH)}"
