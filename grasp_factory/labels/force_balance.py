@@ -1,4 +1,4 @@
-"""The forces of the hand on the target compared with Newton's laws, from recorded streams alone."""
+"""Compare the hand's forces on the target with Newton's laws, from recorded streams alone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def pads_on_target(streams: Streams, com: Array, records: Indices) -> tuple[Arra
 
     Args:
         streams: The episode's streams.
-        com: The target's centre of mass at every record of them, (T, 3) world, metres.
+        com: The target's centre of mass at every record of the streams, (T, 3) world, metres.
         records: The records to use, (n,).
     """
     tcp_pose, force, position, body, width = (
@@ -36,7 +36,7 @@ def pads_on_target(streams: Streams, com: Array, records: Indices) -> tuple[Arra
     force = np.where(on_target, -force.astype(np.float64), 0.0)
     points = np.where(on_target, position.astype(np.float64), 0.0)
     half = width.astype(np.float64)[:, None] / 2.0
-    points[:, 0, :, 1] += half  # pad frames sit half the width to either side of the TCP
+    points[:, 0, :, 1] += half  # pad frames are half the width from the TCP, along y
     points[:, 1, :, 1] -= half
     offset = com[records] - tcp_pose[:, :3].astype(np.float64)
     in_hand = turned_back(R, offset)
@@ -49,8 +49,8 @@ def acceleration(com: Array, times: Array) -> Array:
     """Return second differences (T, 3), m/s2, of points (T, 3); 0 at both ends.
 
     Args:
-        com: World, metres.
-        times: Of the records, evenly spaced, (T,) seconds.
+        com: Points, world, metres.
+        times: Times of the records, evenly spaced, (T,) seconds.
     """
     out = np.zeros_like(com)
     if len(com) > 2:
@@ -67,11 +67,11 @@ def force_residual(streams: Streams, object_com: Array, mass: float, gravity: fl
     Args:
         streams: The episode's streams.
         object_com: Centre of mass in the object's own frame, (3,) metres.
-        mass: Of the target, kg.
-        gravity: m/s2.
+        mass: Mass of the target, kg.
+        gravity: Gravity of the simulation, m/s2.
     """
     held = (streams["phase"] == Phase.HOLD) & touching(streams).all(axis=1)
-    held[[0, -1] if len(held) else []] = False  # no acceleration there
+    held[[0, -1] if len(held) else []] = False  # the acceleration is not known there
     records = np.flatnonzero(held)
     if not len(records):
         return math.nan

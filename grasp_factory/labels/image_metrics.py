@@ -20,7 +20,7 @@ from grasp_factory.core.sensors import series_groups
 from grasp_factory.labels.force_balance import force_residual
 
 LUMA = np.array([[0.299, 0.587, 0.114]])
-"""Shares of red, green and blue in a grey value (ITU-R BT.601)."""
+"""Weights of red, green and blue in a grey value (ITU-R BT.601)."""
 CLIPPED = 4
 """Grey values this close to 0 or 255 count as black or white."""
 MID_GREY = 0.5
@@ -32,7 +32,7 @@ BEFORE = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inspection:
-    """Figures of one episode; meanings are those of the columns of the same names."""
+    """Quality measurements of one episode; the columns of the same names define them."""
 
     sharpness: float
     exposure: float
@@ -49,9 +49,9 @@ class Inspection:
 def inspect_episode(episode: Episode) -> Inspection:
     """Measure an episode, simulated or read from a store, with noise or without.
 
-    Of sharpness, exposure, clipping and holes, the worst camera counts, because all images are
-    stored. Of the target's visibility and pixels, the best camera counts, because one that sees
-    the target is enough.
+    For sharpness, exposure, clipping and holes, the worst camera counts, because all images are
+    stored. For the target's visibility and pixels, the best camera counts, because one camera that
+    sees the target is enough.
     """
     spec, cameras = episode.spec, episode.cameras
     greys = [grey(frames.rgb[BEFORE]) for frames in cameras.values()]
@@ -113,7 +113,7 @@ def depth_holes(depth: NDArray[np.float32], far: float) -> float:
 
     Args:
         depth: (H, W) metres.
-        far: Where the camera's range ends, metres.
+        far: End of the camera's range, metres.
     """
     seen = (depth > 0.0) & (depth < far * (1.0 - FAR_ROUNDING))
     return 1.0 - int(np.count_nonzero(seen)) / depth.size
@@ -126,7 +126,7 @@ def longest_gap(series: Iterable[tuple[Array, float]]) -> float:
     all series, count as well. Infinite for timestamps that do not increase, NaN without records.
 
     Args:
-        series: Timestamps (n,) in seconds and rate in Hz of each.
+        series: For each series, its timestamps (n,) in seconds and its rate in Hz.
     """
     clocks = [(np.asarray(times, np.float64), rate) for times, rate in series]
     end = max((float(times[-1]) for times, _ in clocks if len(times)), default=math.nan)

@@ -29,10 +29,10 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Criterion:
-    """One column against one threshold."""
+    """A comparison of one column with one threshold."""
 
     group: str
-    """A group costs one point when any of its criteria is not met."""
+    """The score loses one point for each group in which a criterion is not met."""
     column: str
     threshold: str
     """A field of ``QualityConfig``: ``min_...`` or ``max_...``."""
@@ -72,12 +72,12 @@ MEASURED = tuple(dict.fromkeys(criterion.column for criterion in CRITERIA))
 
 
 def quality_scores(columns: Mapping[str, Any], thresholds: QualityConfig) -> NDArray[np.uint8]:
-    """Return scores from 1 to 5: five less one for each group with a criterion that is not met.
+    """Return scores from 1 to 5: 5, minus 1 for each group with a criterion that is not met.
 
     Args:
         columns: Values by column, at least those of ``MEASURED``, all of one shape: (N,) for N
             episodes, () for one.
-        thresholds: Their bounds.
+        thresholds: Bounds of the criteria.
     """
     poor: dict[str, NDArray[np.bool_]] = {}
     for criterion in CRITERIA:
@@ -92,7 +92,7 @@ def shortcomings(columns: Mapping[str, Any], thresholds: QualityConfig) -> tuple
 
     Args:
         columns: Values by column, at least those of ``MEASURED``.
-        thresholds: Their bounds.
+        thresholds: Bounds of the criteria.
     """
     return tuple(
         criterion.text(float(columns[criterion.column]), thresholds)

@@ -1,4 +1,4 @@
-"""The label rule: the outcome of an attempt from its recorded streams alone."""
+"""The label rule: derive the outcome of an attempt from its recorded streams alone."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def disturbance(streams: Streams, object_com: Array, rest_pose: Array) -> tuple[
     """Return the displacement and the lift of each object (M,), metres; NaN without an attempt.
 
     The displacement of the centre of mass is measured from its rest to the last record. The lift
-    is its rise until the end of the hold, or of the attempt if that ended before.
+    is its rise until the end of the hold, or until the end of the attempt if that is earlier.
 
     Args:
         streams: The episode's streams.
@@ -126,9 +126,9 @@ def judge(
 ) -> Outcome:
     """Return the outcome of an attempt in which the gripper closed.
 
-    Success means that at the end of the hold both pads touch the target and its centre of mass is
-    at least ``min_lift`` above its rest, that it survives the shake up to ``min_shake``, and that
-    it was gripped as firmly and moved as little in the hand as the thresholds ask.
+    Success means that, at the end of the hold, both pads touch the target and its centre of mass
+    is at least ``min_lift`` above its rest. The target must also stay in the hand through a shake
+    of ``min_shake``, and its grip force and its slip in the hand must be within the thresholds.
     """
     phase, both = streams["phase"], np.asarray(touching(streams).all(axis=1))
     height = target_com(streams, object_com)[:, 2] - rest_height
@@ -160,7 +160,10 @@ def _within(value: float, bound: float | None) -> bool:
 
 
 def _survived(streams: Streams, both: NDArray[np.bool_]) -> float:
-    """Return the highest level at whose end, and at that of all before, both pads touch."""
+    """Return the highest shake level that the target survived; 0 if it survived none.
+
+    It survives a level if both pads touch it at the end of that level and of all lower ones.
+    """
     levels = streams["shake_level"]
     survived = 0.0
     for level in np.unique(levels[levels > 0]):

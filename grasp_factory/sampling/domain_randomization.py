@@ -1,4 +1,4 @@
-"""Domain randomization: appearance, cameras, bodies, motions. Pure, one function each."""
+"""Domain randomization: pure functions that draw appearance, cameras, bodies and motions."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from grasp_factory.core.linear import turned
 from grasp_factory.core.textures import TEXTURES
 
 HAND_SHARE = 0.1
-"""Share of the cameras' jitter that those on the hand get, as they are screwed to it and look at
-things so much nearer."""
+"""Factor on the jitter of cameras on the hand: they are fixed more firmly than the others, and see
+objects from a much shorter distance."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodyDraw:
-    """What one object got: factors on its model's size, mass and friction, and its damping."""
+    """The draw for one object: factors on its model's size, mass and friction, and its damping."""
 
     scale: float
     mass: float
@@ -43,7 +43,7 @@ class BodyDraw:
 
 
 def draw_body(ranges: BodyRange, rng: np.random.Generator) -> BodyDraw:
-    """Draw one object's body; factors are uniform in their logarithm."""
+    """Draw one object's physical parameters; the logarithms of the factors are uniform."""
     scale, mass, friction = (
         float(exp(rng.uniform(log(low), log(high))))
         for low, high in (ranges.scale, ranges.mass, ranges.friction)
@@ -63,12 +63,12 @@ def draw_motion(
 
 
 def draw_object_look(looks: LooksConfig, rng: np.random.Generator) -> tuple[Color | None, str]:
-    """Draw an object's colour (None: its own) and texture ('': none)."""
+    """Draw an object's colour (None for its own) and texture ('' for no texture)."""
     return _color(looks.object_color, rng), _texture(looks.object_texture, rng)
 
 
 def draw_surroundings(looks: LooksConfig, rng: np.random.Generator) -> Surroundings:
-    """Draw table, floor and light."""
+    """Draw the appearance of table and floor, and the light."""
     own = Surroundings()
     table = _surface(own.table, looks.table_color, looks.table_texture, rng)
     floor = _surface(own.floor, looks.floor_color, looks.floor_texture, rng)
@@ -97,10 +97,10 @@ def draw_cameras(
     """Draw the pose of each camera, in the order of their names.
 
     Args:
-        jitter: How far they move.
-        cameras: By name.
-        rng_of: From a camera's name to its random generator, so that one more camera
-            leaves the others where they are.
+        jitter: Limits of the random changes of pose and field of view.
+        cameras: The cameras by name.
+        rng_of: Returns the random generator for a camera's name. Each camera has its own, so that
+            an additional camera does not change the others.
     """
     return {name: _moved(jitter, cameras[name], rng_of(name)) for name in sorted(cameras)}
 
@@ -114,7 +114,7 @@ def _moved(jitter: CameraJitter, camera: CameraConfig, rng: np.random.Generator)
     roll = share * math.radians(jitter.roll_deg) * rng.uniform(-1.0, 1.0)
     wider = share * jitter.fov_y_deg * rng.uniform(-1.0, 1.0)
     if jitter == CameraJitter():
-        return camera  # as it was, to the last bit
+        return camera  # unchanged, bit for bit
     forward = look_at(eye, target, camera.up)[:3, 2]
     up = turned(rotation_about(forward, roll), np.array(camera.up))
     return dataclasses.replace(

@@ -1,4 +1,4 @@
-"""Where objects are let go: the target above the workspace, the others around it."""
+"""Start poses of the objects: the target in the air above the workspace, the others around it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from grasp_factory.core.geometry import Array, Pose, quat_xyzw_to_matrix
 from grasp_factory.core.linear import norm, turned
 
 GAP = 0.01
-"""Metres between the bounding boxes of objects that are let go together."""
+"""Smallest distance between the bounding boxes of objects that are dropped together, metres."""
 TRIES = 32
-"""Places that are drawn for each further object; the lowest is taken, to keep heaps low."""
+"""Number of positions drawn for each further object; the lowest is used, to keep heaps low."""
 
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """An object in the air: its pose, and the bounding box that it has there."""
+    """An object before its fall: its pose, and its bounding box in that pose."""
 
     pose: Pose
     lower: Array
@@ -28,7 +28,7 @@ class Placed:
     upper: Array
 
     def raised_above(self, others: Sequence[Placed]) -> Placed:
-        """Return it as much higher as it takes to be free of all that lie under it."""
+        """Return this object, raised until it is above all others that it overlaps in x and y."""
         below = [o for o in others if self._covers(o)]
         floor = max((float(o.upper[2]) + GAP for o in below), default=float(self.lower[2]))
         rise = np.array([0.0, 0.0, max(0.0, floor - float(self.lower[2]))])
@@ -41,11 +41,11 @@ class Placed:
 
 
 def place_target(workspace: WorkspaceConfig, corners: Array, rng: np.random.Generator) -> Placed:
-    """Draw a pose with uniform orientation whose bounding box hangs above the table.
+    """Draw a pose with uniform orientation, with the bounding box in the air above the table.
 
     Args:
-        workspace: The target is dropped above it, inside of its margin.
-        corners: Of the object's bounding box, (8, 3) metres, object frame.
+        workspace: The target is dropped above it, inside its margin.
+        corners: Corners of the object's bounding box, (8, 3) metres, object frame.
         rng: Random generator.
     """
     quat = _draw_quat(rng)
@@ -61,15 +61,16 @@ def place_around(
     others: Sequence[Array],
     rng: np.random.Generator,
 ) -> list[Placed]:
-    """Return poses for all objects, the target first, such that none touches another.
+    """Return poses for all objects, the target first, so that no two objects touch.
 
-    The target stays where it is. The others hang within ``radius`` metres of it and inside the
-    workspace's margin, next to the objects that are there or above them.
+    The target keeps its pose. The centres of the others are within ``radius`` metres of the
+    target in x and y, and inside the workspace's margin. Each object is next to the objects placed
+    before it, or above them.
 
     Args:
-        target: The target as if it were alone.
+        target: The result of ``place_target``.
         workspace: As for ``place_target``.
-        radius: Metres.
+        radius: Largest distance of the others from the target, metres.
         others: Corners (8, 3) of each other object's bounding box, object frame, metres.
         rng: Random generator.
     """
@@ -92,7 +93,7 @@ def place_around(
 
 
 def _hang(corners: Array, quat: Array, middle: Array, height: float) -> Placed:
-    """Return an object whose bounding box is ``height`` above the table, around ``middle`` (2,)."""
+    """Return an object with its bounding box ``height`` above the table, centred at ``middle``."""
     around = turned(quat_xyzw_to_matrix(quat), corners)
     low, high = around.min(axis=0), around.max(axis=0)
     x, y = middle - (low[:2] + high[:2]) / 2.0

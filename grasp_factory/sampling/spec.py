@@ -1,4 +1,4 @@
-"""From (config, index) to the complete recipe of an episode. Pure: numpy and tables only."""
+"""Draw the complete recipe of an episode from (config, index): pure, with numpy and tables only."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from grasp_factory.sampling.domain_randomization import (
 from grasp_factory.sampling.placement import Placed, place_around, place_target
 
 NEIGHBOR_TRIES = 200
-"""Draws for an object of a split: those that hold a tenth are missed once in a thousand million."""
+"""Number of tries to draw an object of one split. If a tenth of the objects are in the split, one
+search in a thousand million fails."""
 
 
 class Stream(IntEnum):
@@ -39,7 +40,7 @@ class Stream(IntEnum):
     POLICY_CHOICE = 2
     POLICY = 3
     CLUTTER = 4
-    """Which objects lie around the target, and where."""
+    """Which objects are around the target, and where."""
     BODIES = 5
     OBJECT_LOOKS = 6
     MOTION = 7
@@ -54,10 +55,10 @@ def rng_for(seed: int, index: int, stream: Stream, name: str = "") -> np.random.
     """Return the random generator of one purpose in one episode; it depends on nothing else.
 
     Args:
-        seed: Of the dataset.
-        index: Of the episode.
+        seed: Seed of the dataset.
+        index: Index of the episode.
         stream: The purpose.
-        name: Of one of several things that serve the same purpose.
+        name: Selects one of several generators with the same purpose, such as one per camera.
     """
     more = (zlib.crc32(name.encode()),) if name else ()
     sequence = np.random.SeedSequence(seed, spawn_key=(index, int(stream), *more))
@@ -136,7 +137,7 @@ def _draw_neighbor(
 ) -> tuple[str, ObjectModel]:
     """Draw an object of the target's split, so that none is seen in training and tested later.
 
-    Where the sets have none, as small ones may, it is the target once more.
+    If the draws find none, which can happen with small sets, return the target's object again.
     """
     for _ in range(NEIGHBOR_TRIES):
         name, model = _draw_model(config, rng)

@@ -23,13 +23,13 @@ from grasp_factory.policies.networks.known_answers import known_log_odds
 from grasp_factory.simulation.world import DATA, World
 
 PHYSICS = PhysicsConfig(free_hz=240, solver_iterations=50, gravity=9.81)
-"""Not the defaults, which may change."""
+"""Fixed values, because the defaults may change."""
 STEPS = 240
 BOXES = 5
 ARM = DATA / "pendulum5.urdf"
 """Five links on revolute joints, which fall among the boxes."""
 ARGUMENTS = 4000
-"""Arguments for each function of the C library: FMA changes one result in a thousand."""
+"""Number of arguments for each C library function: FMA changes one result in a thousand."""
 DIGITS = 8
 
 Numbers = Iterable[float]
@@ -38,11 +38,11 @@ Numbers = Iterable[float]
 def fingerprint(config: FactoryConfig) -> Fingerprint:
     """Return this platform's fingerprint for the episodes of a config.
 
-    It is measured once in a process for each renderer.
+    It is measured once per process and renderer.
 
     Raises:
         UsageError: if the config's renderer cannot be loaded here.
-        GraspFactoryError: if it is egl, and a world of this process has OpenGL.
+        GraspFactoryError: if the renderer is egl, and a world of this process already uses OpenGL.
     """
     measured = _measured(config.renderer)
     return replace(measured, network=_network()) if config.models else measured
@@ -65,7 +65,7 @@ def _measured(renderer: Renderer) -> Fingerprint:
 
 
 def _build(world: World) -> tuple[list[int], int]:
-    """Put boxes and a chain of links above a floor; return the boxes and the chain."""
+    """Add a floor, and boxes and a chain of links above it; return the boxes and the chain."""
     world.reset(PHYSICS)
     world.add_box((1.0, 1.0, 0.05), (0.0, 0.0, -0.05), (0.5, 0.5, 0.5, 1.0))
     boxes = [
@@ -82,7 +82,7 @@ def _build(world: World) -> tuple[list[int], int]:
 
 
 def _tumble(world: World, boxes: list[int], arm: int) -> Numbers:
-    """Let all bodies fall and yield each state of each step: contacts amplify any difference."""
+    """Let all bodies fall and yield their states after each step: contacts amplify differences."""
     joints = list(world.joints(arm).values())
     world.command_velocities(arm, joints, [0.0] * len(joints), [0.02] * len(joints))
     for _ in range(STEPS):

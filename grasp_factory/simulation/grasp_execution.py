@@ -1,4 +1,4 @@
-"""The motion of the arm: steps the physics through the phases and samples the sensors."""
+"""Execute a planned grasp: step the physics through its phases and sample the sensors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from grasp_factory.simulation.sensors import Tick, make_sensors
 from grasp_factory.simulation.world import EngineRow, wake
 
 STALLED_SPEED = 0.001
-"""m/s: fingers slower than this have come to rest."""
+"""Fingers slower than this are at rest, m/s."""
 
 
 class Attempt:
@@ -30,8 +30,8 @@ class Attempt:
         self._scene = scene
         self._sensors = make_sensors(scene)
         spec, physics = scene.spec, scene.spec.physics
-        # The unit of simulation time divides both kinds of step, so that samples are evenly spaced,
-        # wherever a motion begins or ends.
+        # Both step lengths are multiples of the clock's unit, so samples are evenly spaced even
+        # where the step length changes.
         self._clock, self._clock_hz = 0, math.lcm(physics.free_hz, physics.contact_hz)
         self._record_every = self._clock_hz // spec.record_hz
         # Sensors with their own rate are sampled before those of the records.
@@ -44,18 +44,18 @@ class Attempt:
         self._width_target = scene.robot.model.gripper.max_width
         self._shake_level = 0.0
         self.table_penetration = 0.0
-        """Deepest overlap of the robot and the table at any record, metres."""
+        """Deepest overlap of the robot and the table over all records, metres."""
         self.has_closed = False
         """Whether the gripper began to close."""
         self.touched: int | None = None
-        """Label of what the robot touched before the gripper closed; None for nothing."""
+        """Label of what the robot touched before the gripper closed; None without contact."""
 
     def run(self, motion: GraspMotion, width: float) -> None:
-        """Go through all phases; stop at an unexpected contact.
+        """Execute all phases; stop at an unexpected contact.
 
         Args:
             motion: Transfer, approach and lift.
-            width: Metres between the pads on the approach.
+            width: Distance between the pads during the approach, metres.
         """
         spec, opened = self._scene.spec, self._width_target
         self._set_stepping(spec.physics.free)
@@ -81,7 +81,7 @@ class Attempt:
         return out
 
     def _follow(self, phase: Phase, segment: JointSegment, width: tuple[float, float]) -> None:
-        """Move the arm and open or close the gripper freely, until something is touched."""
+        """Move the arm and the gripper along a segment; stop at the first contact of the robot."""
         trajectory = sample(segment, self._hz, self._scene.spec.physics.control_hz)
         progress = np.linspace(0.0, 1.0, len(trajectory.positions) + 1)[1:]
         widths = (width[0] + (width[1] - width[0]) * progress).tolist()
@@ -102,7 +102,7 @@ class Attempt:
             self._step(phase)
 
     def _shake(self, level: float) -> None:
-        """Go through the motions of one level, until the target is lost."""
+        """Execute the motions of one level; stop when the target is lost."""
         self._shake_level = level
         robot, posture = self._scene.robot, np.array(self._joint_targets)
         shake, rates = self._scene.spec.shake, (self._hz, self._scene.spec.physics.control_hz)
@@ -112,7 +112,7 @@ class Attempt:
                 return
 
     def _close(self) -> None:
-        """Close until the fingers stand still."""
+        """Close the gripper until its fingers stop."""
         settings, physics = self._scene.spec.motion, self._scene.spec.physics
         robot = self._scene.robot
         self._width_target = 0.0
@@ -133,10 +133,10 @@ class Attempt:
         self._wait(Phase.CLOSE, longest - passed, is_stalled)
 
     def _grip(self, stepping: Stepping) -> None:
-        """Squeeze with the arm held still, and use this stepping from now on.
+        """Close the gripper while the arm stays still, and use this stepping from now on.
 
-        The engine turns a motor's force into an impulse per step at the command, so all motors
-        are commanded again when the rate changes.
+        The engine converts a motor's force into an impulse per step when the command is set. So
+        all motors are commanded again when the rate changes.
         """
         robot, settings = self._scene.robot, self._scene.spec.motion
         self._set_stepping(stepping)
@@ -146,7 +146,7 @@ class Attempt:
     def _wait(
         self, phase: Phase, seconds: float, is_over: Callable[[], bool] = lambda: False
     ) -> float:
-        """Step for a time (s), or until ``is_over``, which is called at the control rate, is true.
+        """Step for a time (s), or until ``is_over`` is true; it is called at the control rate.
 
         Returns:
             The seconds that passed.
@@ -191,7 +191,7 @@ class Attempt:
         )
 
     def _watch_table(self, contacts: Iterable[EngineRow]) -> None:
-        """Store the deepest overlap of the table and the robot's links; its base stands there."""
+        """Update the deepest overlap of table and robot, without its base: that is on the table."""
         robot = self._scene.robot.body
         for c in contacts:
             if c[2] == self._scene.stage.table and c[1] == robot and c[3] >= 0:
@@ -200,7 +200,7 @@ class Attempt:
                 self.table_penetration = max(self.table_penetration, -c[8])
 
     def _unexpected_contact(self) -> int | None:
-        """Return the label of what the robot touches, if anything."""
+        """Return the label of a body that the robot touches; None without contact."""
         body = self._scene.robot.body
         for c in self._scene.world.contacts():
             if c[9] > 0.0 and body in (c[1], c[2]):
@@ -209,7 +209,7 @@ class Attempt:
         return None
 
     def _is_near(self) -> bool:
-        """Return whether the robot touches anything, or is within the engine's margin of it."""
+        """Return whether a body is within the engine's contact margin of the robot."""
         body = self._scene.robot.body
         return any(body in (c[1], c[2]) for c in self._scene.world.contacts())
 

@@ -26,7 +26,7 @@ from grasp_factory.simulation.world import World
 S = TypeVar("S", bound=np.generic)
 _BODY_MASK = (1 << 24) - 1
 ROWS = 16
-"""Rows of an image whose depth is computed at once."""
+"""Number of image rows whose depth is computed at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Render:
 
     @property
     def nbytes(self) -> int:
-        """Its memory, bytes."""
+        """Memory of the three arrays, bytes."""
         return self.rgb.nbytes + self.zbuffer.nbytes + self.mask.nbytes
 
     def pixels_of(self, body: int) -> int:
@@ -81,7 +81,7 @@ def make_camera(
     """Return the camera that a config describes.
 
     Args:
-        name: Of the camera.
+        name: Name of the camera.
         config: Its pose, in the frame of its mount, and its field of view.
         resolution: Width and height, pixels.
         renderer: The renderer of its images.

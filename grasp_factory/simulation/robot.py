@@ -13,10 +13,10 @@ from grasp_factory.robots.kinematics import carrier
 from grasp_factory.simulation.world import EngineRow, World
 
 TRACKING_BANDWIDTH = 48.0
-"""rad/s of the joint position loop: 0.2 per step at 240 Hz. With a fixed gain per step, the arm
-would be stiffer at finer steps, and the labels would depend on the rate."""
+"""Bandwidth of the joint position loop, rad/s: a gain of 0.2 per step at 240 Hz. With a fixed gain
+per step, the arm would be stiffer at finer steps, and the labels would depend on the rate."""
 GEAR_FORCE = 200.0
-"""N that keep the two fingers symmetric (bullet3 issue 2101 advises a gear)."""
+"""Largest force that keeps the two fingers symmetric, N (bullet3 issue 2101 advises a gear)."""
 
 
 class Robot:
@@ -84,7 +84,8 @@ class Robot:
     def listen(self, on: bool) -> None:
         """Switch the wrist's force-torque sensor on or off, from the next step on.
 
-        It takes a seventh of the time of a free step, so it is on only where it is read.
+        It takes a seventh of the time of a free step, so it is on only in steps after which it is
+        read.
         """
         self._world.sense_wrench(self.body, self.ft_joint, on)
 

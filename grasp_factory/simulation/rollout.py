@@ -41,9 +41,9 @@ from grasp_factory.simulation.scene import (
 from grasp_factory.simulation.world import World
 
 HALF_TURN = np.array([-1.0, -1.0, 1.0, 1.0])
-"""Factors of a pose's columns that turn it half around about its approach axis.
+"""Factors on the columns of a pose that rotate it by 180 degrees about its approach axis.
 
-For a parallel gripper it is the same grasp with the fingers swapped."""
+For a parallel gripper, this is the same grasp with the fingers swapped."""
 
 
 def run_episode(world: World, spec: EpisodeSpec) -> Episode:
@@ -111,8 +111,8 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
 def choose(scene: Scene, plan: GraspPlan) -> tuple[Grasp | None, GraspMotion | None]:
     """Return the first grasp of a plan that the robot can reach, and the motion to it.
 
-    Of a grasp and its half turn, the one with the shorter path is tried first. If no grasp can be
-    reached, the first one is returned without motion.
+    Of a grasp and its copy rotated by 180 degrees, the one with the shorter path is tried first.
+    If no grasp can be reached, the first one is returned without motion.
     """
     robot = scene.robot
     home = np.array(robot.model.home)
@@ -181,6 +181,6 @@ def _frames(*shots: Shot) -> CameraFrames:
 
 
 def _refuse_non_finite(contents: Mapping[str, NDArray[Any]], spec: EpisodeSpec) -> None:
-    """Raise when the simulation diverged, naming the array, by its path in the store."""
+    """Raise RecipeError with the path of the array in the store if the simulation diverged."""
     if path := non_finite(contents, FIELDS):
         raise RecipeError(f"the simulation of episode {spec.index} diverged: {path} not finite")

@@ -1,4 +1,4 @@
-"""The scene of an episode, floor, table, robot and objects: build, settle and render it."""
+"""Build, settle and render the scene of an episode: floor, table, robot and objects."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SETTLE_CHECKS_PER_WINDOW = 5
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A built world; from now on only physics moves anything."""
+    """A complete scene; from now on, bodies move by physics alone."""
 
     world: World
     spec: EpisodeSpec
@@ -111,15 +111,15 @@ class Settled:
     """Result of the fall."""
 
     outcome: Outcome | None
-    """Why there can be no attempt; None if there can."""
+    """The reason why an attempt is impossible; None if it is possible."""
     at_rest: NDArray[np.bool_]
-    """Which objects, (M,)."""
+    """Which objects are at rest, (M,)."""
 
 
 def settle(scene: Scene) -> Settled:
     """Let the objects fall until all on the table are at rest, or until the time limit.
 
-    If they are at rest, they sleep from then on.
+    If all of them are at rest, all objects are put to sleep.
 
     Raises:
         RecipeError: if the simulation diverged.
@@ -179,7 +179,7 @@ def _awaited(poses: Array, workspace: WorkspaceConfig) -> NDArray[np.bool_]:
 
 
 def is_inside(point: Array, workspace: WorkspaceConfig) -> bool:
-    """Return whether a point (3,) lies in the workspace's box."""
+    """Return whether a point (3,) is inside the workspace's box."""
     return bool(np.all(point >= workspace.lower) and np.all(point <= workspace.upper))
 
 
@@ -189,7 +189,7 @@ class Shot:
 
     image: CameraImage
     visibility: NDArray[np.float32]
-    """(M,): the share of each object's pixels in the image that nothing hides."""
+    """(M,): the visible share of each object's pixels in the image."""
 
 
 def take_shots(scene: Scene) -> dict[str, Shot]:
@@ -219,7 +219,7 @@ def observe(scene: Scene, images: Mapping[str, CameraImage]) -> SceneView:
 
 
 def object_frame(world: World, body: int) -> Pose:
-    """Return the pose of a body's own (URDF) frame in the world; Bullet tracks the COM's."""
+    """Return the pose of a body's own (URDF) frame in the world; Bullet tracks its COM."""
     position, quat = world.com_frame(body)
     T_world_com = Pose(position, quat).matrix()
     return Pose.from_matrix(product(T_world_com, inverse(world.inertial_frame(body).matrix())))
@@ -238,7 +238,7 @@ def _poses(scene: Scene) -> Array:
 
 
 def _are_close(before: Array, after: Array) -> NDArray[np.bool_]:
-    """Return which objects have moved and turned no more than an object at rest may."""
+    """Return which objects (M,) moved and turned less than the limits for an object at rest."""
     way = norm(after[:, :3] - before[:, :3])
     half_cosine = np.abs((before[:, 3:] * after[:, 3:]).sum(axis=1)).clip(max=1.0)
     return np.asarray((way < SETTLED_WAY) & (2 * arccos(half_cosine) < SETTLED_TURN))

@@ -20,7 +20,7 @@ from grasp_factory.simulation.world.foot import foot_of
 
 FLOOR_SIZE = (8.0, 8.0, 0.10)
 TABLE_FRICTION = 1.0
-"""The pair's friction is the product, so the object's own value decides."""
+"""The engine multiplies the values of two bodies: with 1, the object's own value applies."""
 TABLE_ROLLING_FRICTION = 0.001
 """Metres of rolling resistance, so that round objects come to rest. The table has it, not the
 objects: Bullet does not report rolling moments, so pads would miss part of the contact wrench."""
@@ -33,7 +33,7 @@ FOOT = (-1,)
 MAX_BACKGROUNDS = 64
 """Size of the cache of backgrounds: it is full after about a hundred episodes."""
 MAX_BACKGROUND_BYTES = 200_000_000
-"""Of the whole cache: 59 at 640x480, or 19 surroundings with three cameras each."""
+"""Limit of the whole cache: 59 backgrounds at 640x480, or 19 surroundings with three cameras."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Stage:
     """Floor and table, hidden in the world, and the cameras.
 
     For a static camera, floor, table and the robot's base are rendered once, and composited with
-    what moves.
+    the moving bodies.
     """
 
     world: World
@@ -76,7 +76,7 @@ class Stage:
 
 _Key = tuple[Surroundings, CameraConfig, tuple[int, int], str]
 _backgrounds: dict[_Key, Render] = {}
-"""A cache over episodes, for those with the same surroundings."""
+"""A cache that episodes with the same surroundings share."""
 
 
 def set_stage(world: World, spec: EpisodeSpec) -> Stage:
@@ -96,9 +96,9 @@ def set_stage(world: World, spec: EpisodeSpec) -> Stage:
 def _background(world: World, spec: EpisodeSpec, name: str) -> tuple[Camera, Render]:
     """Return a camera and its render of floor, table and foot alone.
 
-    It is rendered after a reset of the world. The engine's images depend a little, in the last bit
-    of rare pixels, on how many were rendered since the last reset, and an episode must not depend
-    on whether its background was cached.
+    It is rendered after a reset of the world. In the engine's images, the last bit of a few pixels
+    depends on how many images were rendered since the last reset. An episode must not depend on
+    whether its background was cached.
     """
     config = spec.cameras[name]
     camera = make_camera(name, config, spec.resolution, world.renderer)
@@ -123,7 +123,7 @@ def _start(world: World, spec: EpisodeSpec) -> tuple[int, int]:
 
 
 def _load_foot(world: World, model: RobotModel) -> None:
-    """Load a robot's base where the whole robot has it."""
+    """Load a robot's base alone, at the pose that it has in the whole robot."""
     file = foot_of(model.path())
     world.load_urdf(file, IDENTITY, fixed=True, file_inertia=model.file_inertia)
 

@@ -1,4 +1,4 @@
-"""Visible share of each object: its pixels in the image against those when it is alone."""
+"""Visible share of each object: its pixels in the image, divided by those when it is alone."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from grasp_factory.simulation.images import Render, render
 from grasp_factory.simulation.world import World
 
 BORDER = 2
-"""Pixels around the box of an object that are rendered as well."""
+"""Margin around the box of an object that is rendered with it, pixels."""
 
 
 def visible_shares(
     world: World, others: Sequence[int], objects: Sequence[int], camera: Camera, whole: Render
 ) -> NDArray[np.float32]:
-    """Return the share of each object's pixels in an image that nothing hides, (M,).
+    """Return the visible share of each object's pixels in an image, (M,).
 
     Each object is rendered alone for this. The share is 0 for an object outside the image.
 
@@ -28,7 +28,7 @@ def visible_shares(
         world: Static bodies must be hidden in it.
         others: Moving bodies that are not objects.
         objects: Bodies.
-        camera: What the image was taken with.
+        camera: The camera of the image.
         whole: The image.
     """
     hidden = {body: world.hide(body) for body in (*others, *objects)}

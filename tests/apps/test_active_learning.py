@@ -374,7 +374,7 @@ class TestJournal:
     def test_other_settings_are_refused_with_the_difference(self, tmp_path: Path) -> None:
         Journal(tmp_path, settings_of())
         before = (tmp_path / FILE).read_bytes()
-        with pytest.raises(UsageError, match="there against here: rounds: 3 against 4"):
+        with pytest.raises(UsageError, match=r"file against run: rounds: 3 against 4"):
             Journal(tmp_path, settings_of(rounds=4))
         with pytest.raises(UsageError, match=r"config\.seed: 0 against 1"):
             Journal(tmp_path, settings_of(1))

@@ -426,9 +426,11 @@ def test_a_label_says_in_words_what_it_asks_for_and_no_more() -> None:
     assert list(LabelConfig(min_shake=0.0).conditions()) == ["min_lift"]
     strict = LabelConfig(min_grip_force=2.5, max_slip_distance=0.0, max_slip_angle=0.1)
     assert strict.conditions() == {
-        "min_lift": "its centre of mass is at least 0.1 m above its rest at the end of the hold",
-        "min_shake": "it survives the shake up to level 1",
+        "min_lift": (
+            "at the end of the hold the target's centre of mass is at least 0.1 m above its rest"
+        ),
+        "min_shake": "the target stays in the hand through a shake of 1 g",
         "min_grip_force": "neither pad presses with less than 2.5 N during the hold",
-        "max_slip_distance": "its centre of mass moves at most 0 m in the hand",
-        "max_slip_angle": "it turns at most 0.1 rad in the hand",
+        "max_slip_distance": "the target's centre of mass moves at most 0 m in the hand",
+        "max_slip_angle": "the target turns at most 0.1 rad in the hand",
     }

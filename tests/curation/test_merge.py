@@ -565,7 +565,7 @@ class TestRefusals:
 
     def test_other_facts(self, stores: Path, tmp_path: Path) -> None:
         path = make_store(tmp_path / "odd", blocks=[1], robot={"tool_mass": 2.0})
-        with pytest.raises(StoreMismatchError, match=r"says other things .*\(robot: "):
+        with pytest.raises(StoreMismatchError, match=r"has other attributes than .*\(robot: "):
             merge([stores / "even", path], tmp_path / "out")
 
     def test_a_config_that_this_version_reads_otherwise(self, stores: Path, tmp_path: Path) -> None:

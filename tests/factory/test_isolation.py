@@ -1,4 +1,4 @@
-"""Episodes that kill, hang or break their worker: each costs itself and nothing else."""
+"""Episodes that kill, hang or break their worker: only they are quarantined."""
 
 from __future__ import annotations
 

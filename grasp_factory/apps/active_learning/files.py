@@ -53,4 +53,4 @@ def write_if_new(file: Path, data: bytes) -> None:
 
 def _error(path: Path, what: str, error: OSError) -> StoreError | UsageError:
     kind = StoreError if error.errno in MACHINE_ERRNOS else UsageError
-    return kind(f"{path} {what}: {error.strerror}; mend that, or choose another folder")
+    return kind(f"{path} {what}: {error.strerror}; fix the cause, or choose another folder")

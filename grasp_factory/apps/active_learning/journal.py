@@ -77,8 +77,8 @@ class Journal:
         different = first_difference(to_plain(settings), to_plain(self._settings))
         if different:
             raise UsageError(
-                f"{self._file} is of other settings, there against here: {different}; give the same"
-                " settings to go on, or choose another folder"
+                f"{self._file} was written with other settings than this run's (file against run:"
+                f" {different}): use the same settings to continue, or choose another folder"
             )
 
 

@@ -47,7 +47,8 @@ def _of_contacts(config: FactoryConfig) -> Iterator[str]:
     if config.physics.contact_hz < PhysicsConfig().contact_hz:
         yield (
             f"Contacts were stepped at {config.physics.contact_hz} Hz, which is coarser than the"
-            f" default of {PhysicsConfig().contact_hz} Hz: forces are rougher and labels kinder."
+            f" default of {PhysicsConfig().contact_hz} Hz: contact forces are less"
+            " accurate, and a few more grasps are labelled as successes."
         )
 
 

@@ -1,4 +1,4 @@
-"""What a success asks for: the thresholds of the label."""
+"""The thresholds of the success label."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ from grasp_factory.core.serialization import check_range
 
 
 def _condition(text: str, default: float | None) -> Any:
-    """Return a threshold's field; ``text`` says what it asks for, {} stands for its value."""
+    """Return a threshold's field; ``text`` is its condition, with {} in place of its value."""
     return dataclasses.field(default=default, metadata={"condition": text})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelConfig:
-    """The thresholds behind the success label; a minimum of 0, or None, asks for nothing."""
+    """The thresholds of the success label; a minimum of 0, or None, sets no condition."""
 
     min_lift: float = _condition(
-        "its centre of mass is at least {} m above its rest at the end of the hold", 0.10
+        "at the end of the hold the target's centre of mass is at least {} m above its rest",
+        0.10,
     )
-    min_shake: float = _condition("it survives the shake up to level {}", 1.0)
+    min_shake: float = _condition("the target stays in the hand through a shake of {} g", 1.0)
     min_grip_force: float = _condition(
         "neither pad presses with less than {} N during the hold", 0.0
     )
     max_slip_distance: float | None = _condition(
-        "its centre of mass moves at most {} m in the hand", None
+        "the target's centre of mass moves at most {} m in the hand", None
     )
-    max_slip_angle: float | None = _condition("it turns at most {} rad in the hand", None)
+    max_slip_angle: float | None = _condition("the target turns at most {} rad in the hand", None)
 
     def __post_init__(self) -> None:
         check_range(self, "min_lift", 0.01, 0.5, "m")
@@ -39,7 +40,7 @@ class LabelConfig:
                 check_range(self, key, 0.0, 100.0)
 
     def conditions(self) -> dict[str, str]:
-        """Return in words what success asks for, by threshold, without those that ask nothing."""
+        """Return the conditions of success in words, by threshold, without those that are off."""
         values = {name: getattr(self, name) for name in self.condition_texts()}
         return {
             name: text.format(f"{values[name]:g}")
@@ -49,5 +50,5 @@ class LabelConfig:
 
     @classmethod
     def condition_texts(cls) -> dict[str, str]:
-        """Return what each threshold asks for in words, with {} where its value stands."""
+        """Return the condition of each threshold in words, with {} in place of its value."""
         return {field.name: field.metadata["condition"] for field in dataclasses.fields(cls)}

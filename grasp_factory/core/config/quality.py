@@ -1,6 +1,6 @@
 """The config's section on quality: thresholds, and the score that an episode must have.
 
-``quality`` compares with them what ``inspection`` measures.
+``labels.quality`` compares the measurements of ``labels.image_metrics`` with the thresholds.
 """
 
 from __future__ import annotations

@@ -150,8 +150,8 @@ class SourceStore:
         )
         if found := first_difference(mine, others):
             raise StoreMismatchError(
-                f"{self.path} says other things of its episodes than {other.path} ({found}):"
-                " they were made by versions that do not go together"
+                f"{self.path} has other attributes than {other.path} ({found}): they were made by"
+                " versions whose stores cannot be merged"
             )
 
     def _check_arrays(self, other: SourceStore) -> None:

@@ -1,4 +1,4 @@
-"""Sensors: one file each. ``core/sensors.py`` has the table of them, with what each records."""
+"""Sensors, one file each. The table in ``core/sensors.py`` lists them with their arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Sensor", "Tick", "make_sensor", "make_sensors"]
 
 
 def make_sensors(scene: Scene) -> dict[str, Sensor]:
-    """Return the sensors of the table by name, without those that the recipe turns off."""
+    """Return the sensors of the table by name, except those that the recipe turns off."""
     return {
         name: make_sensor(model, scene)
         for name, model in SENSORS.items()

@@ -1,4 +1,4 @@
-"""The contract of sensors: sample at every instant of their rate, return arrays at the end."""
+"""The base class of sensors: they sample at a fixed rate and return arrays at the end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from grasp_factory.simulation.world import EngineRow
 class Tick:
     """One instant at which sensors are sampled: it follows a physics step.
 
-    What several sensors read of the world is read once, when the first of them asks for it.
+    State that several sensors need is read from the world once, when the first one asks for it.
     """
 
     scene: Scene
@@ -27,17 +27,18 @@ class Tick:
     """Simulation time since the arm started, seconds."""
     phase: Phase
     joint_position_targets: Sequence[float]
-    """(J,) rad, as commanded for the step just made."""
+    """(J,) rad, as commanded for the last step."""
     gripper_width_target: float
-    """Metres, as commanded for the step just made."""
+    """Metres, as commanded for the last step."""
     shake_level: float
-    """Level of the shake in units of standard gravity, 0 outside of it."""
+    """Level of the shake in units of standard gravity, 0 outside the shake."""
 
     @cached_property
     def joints(self) -> Sequence[EngineRow]:
         """States of the arm's joints, the fingers' and the wrist sensor's (``Robot.joint_states``).
 
-        The wrist sensor's is valid at the instants of the streams only: it is off in between.
+        The state of the wrist sensor is valid only at the records of the streams: between them the
+        sensor is off.
         """
         return self.scene.robot.joint_states()
 
@@ -48,7 +49,7 @@ class Tick:
 
     @cached_property
     def contacts(self) -> Sequence[EngineRow]:
-        """All contact rows of the robot in the step just made (``World.contacts``)."""
+        """All contact rows of the robot in the last step (``World.contacts``)."""
         body = self.scene.robot.body
         return [c for c in self.scene.world.contacts() if body in (c[1], c[2])]
 
@@ -58,16 +59,16 @@ class Sensor(abc.ABC):
 
     @abc.abstractmethod
     def __init__(self, scene: Scene) -> None:
-        """Begin without samples, before the arm moves."""
+        """Start without samples, before the arm moves."""
 
     @abc.abstractmethod
     def sample(self, tick: Tick) -> None:
-        """Read the world without stepping it; only store, as the arithmetic is done at the end."""
+        """Read and store state, without stepping the world; ``arrays`` does the arithmetic."""
 
     @abc.abstractmethod
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of the row's fields, by the name within their group.
+        """Return the arrays of the row's fields, by their names within the group.
 
-        Time series are (samples, ...); units, frames and types are those of the fields. The path
-        of a field with ``{camera}`` stands for one array for each camera of the recipe.
+        Time series are (samples, ...); units, frames and types are those of the fields. A field
+        whose path contains ``{camera}`` has one array for each camera of the recipe.
         """

@@ -12,7 +12,7 @@ from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class Clock(Sensor):
-    """Timestamps in simulation time, with phase and shake level of each."""
+    """The time of each record in simulation time, with its phase and shake level."""
 
     def __init__(self, scene: Scene) -> None:
         self._timestamps: list[float] = []

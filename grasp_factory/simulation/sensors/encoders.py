@@ -1,4 +1,4 @@
-"""Joint and gripper encoders, motor torques and commands, and the TCP pose that follows."""
+"""Joint and gripper encoders, motor torques and commands, and the pose of the TCP."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class Encoders(Sensor):
-    """Everything that the robot's own controller knows."""
+    """The signals that the robot's own controller has."""
 
     def __init__(self, scene: Scene) -> None:
         self._robot = scene.robot

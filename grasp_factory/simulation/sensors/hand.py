@@ -1,4 +1,4 @@
-"""The robot's force on the target by all links but the pads: palm, finger sides, arm."""
+"""The force on the target from all links except the pads: palm, finger sides, arm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class HandContact(Sensor):
-    """The force on the target of all links but the pads; at zero, the pads hold it alone."""
+    """The force on the target from all links except the pads; if zero, only the pads hold it."""
 
     def __init__(self, scene: Scene) -> None:
         self._robot, self._target = scene.robot, scene.objects[0]

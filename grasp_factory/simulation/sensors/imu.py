@@ -18,7 +18,7 @@ class WristImu(Sensor):
     """Specific force and angular velocity at the origin of the wrist sensor's frame.
 
     The specific force is the change of velocity since the previous sample, divided by that time,
-    less gravity. An integrating accelerometer measures the same; it is exact for any motion.
+    minus gravity. An integrating accelerometer measures the same; it is exact for any motion.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -56,11 +56,11 @@ class WristImu(Sensor):
         self._motions.extend((*position, *quat, *linear, *angular))
 
     def _origin_velocities(self, R: Array, linear: Array, angular: Array) -> Array:
-        """Return the velocity of the frame's origin: Bullet has that of the link's COM."""
+        """Return the velocity of the frame's origin: Bullet reports that of the COM."""
         com = self._world.inertial_frame(self._robot.body, self._robot.first_tool_link).position
         return np.asarray(linear + np.cross(angular, -turned(R, np.array(com))))
 
     def _T_tcp_imu(self) -> Array:
-        """Return the sensor's pose in the TCP frame (4, 4); both sit on the rigid hand."""
+        """Return the sensor's pose in the TCP frame (4, 4); both are fixed to the hand."""
         frame = self._world.link_frames(self._robot.body, [self._robot.first_tool_link])[0]
         return product(inverse(self._robot.T_world_tcp()), Pose(*frame).matrix())

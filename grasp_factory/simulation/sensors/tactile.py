@@ -17,11 +17,11 @@ from grasp_factory.simulation.sensors.base import Sensor, Tick
 
 
 class TactilePads(Sensor):
-    """The contact points of both pads, with the force of the world at each.
+    """The contact points of both pads, with the force of the other body on the pad at each.
 
     Forces are means over the last physics step. Bullet does not report torsional and rolling
-    friction, so the wrench lacks them. Bullet's points are those of the step before, its poses
-    those after it: at 720 Hz and lift speed that is 0.8 mm.
+    friction, so the wrench lacks them. Bullet's points are from before the step,
+    its poses from after it: at 720 Hz and lift speed, the difference is 0.8 mm.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -87,7 +87,8 @@ def _slots(
 ) -> tuple[NDArray[np.int_], NDArray[np.bool_]]:
     """Return each row's slot within its group, and whether it is kept.
 
-    Contacts with the target come first, as labels depend on them, then the strongest.
+    Contacts with the target come first, because labels depend on them. Within the target's contacts
+    and within the others, the strongest come first.
     """
     order = np.lexsort((-strength, is_other, group))
     starts = np.r_[True, group[order][1:] != group[order][:-1]] if len(group) else np.zeros(0, bool)

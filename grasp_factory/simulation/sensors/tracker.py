@@ -37,7 +37,7 @@ class ObjectTracker(Sensor):
 
 
 def _com_to_object(poses: Array, com: Pose) -> Array:
-    """Return object frames (S, 7) for inertial frames (S, 7) that sit at ``com`` in the object."""
+    """Return object frames (S, 7) for inertial frames (S, 7) that are at ``com`` in the object."""
     x, y, z, w = com.quat_xyzw
     quat = _multiply(poses[:, 3:], np.array([-x, -y, -z, w]))
     offset = _rotate(quat, np.array(com.position))

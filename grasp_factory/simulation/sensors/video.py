@@ -23,7 +23,7 @@ class VideoRecorder(Sensor):
     def sample(self, tick: Tick) -> None:
         """Take a frame with every camera."""
         self._timestamps.append(tick.timestamp)
-        # A copy of the image alone: the renderer's RGB is a view of four channels.
+        # Copied, because the renderer's RGB is a view of an array with four channels.
         frames = render_cameras(self._scene)
         self._frames.append(
             {

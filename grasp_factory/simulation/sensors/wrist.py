@@ -17,9 +17,9 @@ from grasp_factory.simulation.sensors.base import Sensor, Tick
 class WristForceTorque(Sensor):
     """The load of the tool on the flange sensor, weight and inertia included.
 
-    A tool of mass m at rest reads a force of m g along gravity; an object held adds its weight.
-    Bullet reports the opposite, what the parent exerts on the child, about the child's centre of
-    mass and in its inertial axes; here it is about the sensor's origin and in the sensor's axes.
+    A tool of mass m at rest reads a force of m g along gravity; a held object adds its weight.
+    Bullet reports the opposite wrench, that of the parent on the child, about the child's centre of
+    mass and in its inertial axes. Here it is about the sensor's origin and in the sensor's axes.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -1,4 +1,4 @@
-"""Bodies that consist of parts, primitives and meshes, with their own mass properties."""
+"""Create bodies from parts (primitives and meshes) with given mass properties."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def create_compound(
     """
     seen = visual_parts(body)
     for parts in (body.parts, seen):
-        if not 1 <= len(parts) <= MAX_PARTS:  # the engine crashes the process instead
+        if not 1 <= len(parts) <= MAX_PARTS:  # otherwise the engine crashes the process
             raise RecipeError(f"a body of {len(parts)} parts, valid: 1 to {MAX_PARTS}")
     try:
         shape = p.createCollisionShapeArray(
@@ -66,7 +66,7 @@ def _create_visual(client: int, seen: Sequence[Part], scale: float, rgba: Sequen
 
 
 def _arrays(parts: Sequence[Part], scale: float, kind: str) -> dict[str, Any]:
-    """Return PyBullet's arrays for some parts; what a type does not use is a placeholder."""
+    """Return PyBullet's arrays for some parts; values that a type does not use are placeholders."""
     sizes = [_scaled(part.size, scale) for part in parts]
     is_mesh = [part.shape not in _TYPES for part in parts]
     frames = {
@@ -74,7 +74,7 @@ def _arrays(parts: Sequence[Part], scale: float, kind: str) -> dict[str, Any]:
         f"{kind}FrameOrientations": [list(part.pose.quat_xyzw) for part in parts],
     }
     if len(parts) == 1 and parts[0].pose == IDENTITY:
-        frames = {}  # with a frame, the engine wraps the one shape into a slower compound
+        frames = {}  # with a frame, the engine would make a slower compound of the one shape
     return {
         "shapeTypes": [_TYPES.get(part.shape, p.GEOM_MESH) for part in parts],
         "radii": [size[0] / 2.0 for size in sizes],
@@ -94,7 +94,7 @@ def _arrays(parts: Sequence[Part], scale: float, kind: str) -> dict[str, Any]:
 
 @cache
 def _openable(file: Path) -> str:
-    """Return an ASCII name for a file: with other letters the engine crashes."""
+    """Return an ASCII name for a file: the engine crashes on other names."""
     if str(file).isascii():
         return str(file)
     return f"/proc/self/fd/{_directory(file.parent)}/{file.name}"
@@ -102,7 +102,7 @@ def _openable(file: Path) -> str:
 
 @cache
 def _directory(path: Path) -> int:
-    """Return a descriptor of a directory; the engine caches by name, so it stays open."""
+    """Return a descriptor of a directory; it stays open, as the engine caches files by name."""
     return os.open(path, os.O_PATH)
 
 

@@ -1,7 +1,7 @@
 """One DIRECT client of PyBullet behind a small typed interface.
 
-Known pitfalls are handled here, once: settings that survive a reset, contact rows whose order is
-not by id, link states that lag a step, frames at the centre of mass.
+All known pitfalls of the engine are handled here: settings that survive a reset, contact rows that
+are not ordered by id, link states that are one step late, frames at the centre of mass.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from grasp_factory.simulation.world.names import MeshNames
 from grasp_factory.simulation.world.textures import Textures
 from grasp_factory.simulation.world.visuals import Hidden, Visuals
 
-CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so it is set at each one
+CONTACT_BREAKING_THRESHOLD = 0.02  # Bullet's default; survives resets, so each reset sets it
 
 EngineRow = tuple[Any, ...]
 
@@ -42,10 +42,6 @@ class World:
     """
 
     def __init__(self, renderer: Renderer = Renderer.TINY) -> None:
-        if not p.isNumpyEnabled():
-            raise GraspFactoryError(
-                "this pybullet was built without numpy: install the wheel, pybullet==3.2.7"
-            )
         self.renderer = renderer
         self._client = connect(renderer)
         self._sealed = False
@@ -73,7 +69,7 @@ class World:
         self._visuals.forget()
         self._names.forget()
         p.setPhysicsEngineParameter(
-            numSubSteps=0,  # with substeps, contact forces come out divided and motors multiplied
+            numSubSteps=0,  # substeps would divide contact forces and multiply motor forces
             contactBreakingThreshold=CONTACT_BREAKING_THRESHOLD,
             deterministicOverlappingPairs=0,
             physicsClientId=self._client,
@@ -82,7 +78,7 @@ class World:
         self.set_stepping(physics.free)
 
     def set_stepping(self, stepping: Stepping) -> None:
-        """Set how time advances; it may change inside an episode."""
+        """Set time step and solver iterations; they may change during an episode."""
         p.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / stepping.hz,
             numSolverIterations=stepping.iterations,
@@ -144,16 +140,16 @@ class World:
     # -- appearance -----------------------------------------------------------------------
 
     def set_look(self, body: int, color: Sequence[float], texture: str = "") -> None:
-        """Show a body in a colour (RGB, 0 to 1), multiplied with a texture's if one is named.
+        """Set a body's colour (RGB, 0 to 1), multiplied by a texture's colour if one is named.
 
         Raises:
             UnknownNameError: if there is no such texture.
-            RecipeError: if the renderer shows no textures.
+            RecipeError: if the renderer does not support textures.
         """
         self._visuals.set_look(body, color, texture)
 
     def hide(self, body: int, links: Container[int] | None = None) -> Hidden:
-        """Leave a body, or some of its links, out of all renders; its physics stay."""
+        """Hide a body, or some of its links, in all renders; its physics do not change."""
         return self._visuals.hide(body, links)
 
     def show(self, body: int, hidden: Hidden) -> None:
@@ -171,7 +167,7 @@ class World:
             p.resetJointState(body, joint, position, 0.0, physicsClientId=self._client)
 
     def gear(self, body: int, parent: int, joints: tuple[int, int], max_force: float) -> None:
-        """Couple two mirrored prismatic joints of a body, so that they move as one."""
+        """Couple two mirrored prismatic joints of a body, so that they move together."""
         links = [p.getJointInfo(body, j, physicsClientId=self._client) for j in joints]
         constraint = p.createConstraint(
             body, joints[0], body, joints[1], p.JOINT_GEAR, links[0][13],
@@ -182,7 +178,7 @@ class World:
         )
 
     def sense_wrench(self, body: int, joint: int, on: bool) -> None:
-        """Switch on or off that a fixed joint reports the wrench that it transmits."""
+        """Switch on or off the sensor of the wrench that a fixed joint transmits."""
         p.enableJointForceTorqueSensor(body, joint, on, physicsClientId=self._client)
 
     def seal(self) -> None:
@@ -267,7 +263,7 @@ class World:
         return float(p.getDynamicsInfo(body, link, physicsClientId=self._client)[0])
 
     def contacts(self) -> tuple[EngineRow, ...]:
-        """Return PyBullet's rows for all contacts; filtered queries flip signs or drop some.
+        """Return PyBullet's rows for all contacts; filtered queries flip signs or omit rows.
 
         In a row, [1] and [2] are bodies A and B, [3] and [4] their links, [5] and [6] the points
         on A and B, [7] the normal on B pointing to A, [8] the distance, [9] the normal force,

@@ -19,9 +19,9 @@ from grasp_factory.simulation.world.engine import muted, p
 WARM_UP_FRAMES = 2
 """The colours of the first two images after the start differ from all later ones (measured)."""
 PATIENCE_S = 120
-"""Loading takes 2 seconds, but much longer after a boot or under load."""
+"""Time limit for loading, seconds: it takes 2, but much longer after a boot or under load."""
 _loaded = set[int]()
-"""The clients that have the plugin. It always draws for the one that loaded it last."""
+"""The clients that loaded the plugin. It always renders for the one that loaded it last."""
 _IN_A_CHILD = (
     "from grasp_factory.simulation.world.engine import p\n"
     "from grasp_factory.simulation.world.connection import load_plugin\n"
@@ -33,10 +33,10 @@ _IN_A_CHILD = (
 def check_renderer(renderer: Renderer) -> None:
     """Check, once in a process, that a renderer can be loaded here.
 
-    A child process tries it, because the plugin ends its process where there is no OpenGL.
+    The check runs in a child process, because without OpenGL the plugin ends its process.
 
     Raises:
-        UsageError: if it cannot, with what to install.
+        UsageError: if it cannot be loaded; the message says what to install.
     """
     if renderer is not Renderer.EGL:
         return
@@ -58,25 +58,25 @@ def check_renderer(renderer: Renderer) -> None:
 
 
 def connect(renderer: Renderer) -> int:
-    """Return a new client that draws its images with a renderer.
+    """Return a new client that renders its images with a renderer.
 
     Raises:
         UsageError: if the renderer cannot be loaded here.
-        GraspFactoryError: if another client of this process has OpenGL.
+        GraspFactoryError: if another client of this process uses OpenGL.
     """
     check_renderer(renderer)
     if renderer is Renderer.EGL and _loaded:
         raise GraspFactoryError("a second world with renderer egl: close the first one before")
     client: int = p.connect(p.DIRECT)
     if renderer is Renderer.EGL:
-        with muted(1), muted(2):  # the plugin prints a greeting
+        with muted(1), muted(2):  # the plugin prints a message
             load_plugin(client)
         _loaded.add(client)
     return client
 
 
 def load_plugin(client: int) -> None:
-    """Load the plugin into a client; where there is no OpenGL, it ends the process."""
+    """Load the plugin into a client; without OpenGL, it ends the process."""
     plugin = p.loadPlugin(_plugin_file(), "_eglRendererPlugin", physicsClientId=client)
     if plugin < 0:
         raise _cannot_be_loaded("loadPlugin failed")
@@ -85,8 +85,8 @@ def load_plugin(client: int) -> None:
 
 
 def disconnect(client: int) -> None:
-    """End a client, with the plugin if it has it."""
-    with muted(1):  # the plugin prints a farewell
+    """Disconnect a client, and unload its plugin if it has one."""
+    with muted(1):  # the plugin prints a message
         p.disconnect(physicsClientId=client)
     _loaded.discard(client)
 

@@ -1,4 +1,4 @@
-"""PyBullet, imported without its greeting, and a context manager that mutes its output."""
+"""PyBullet, imported without its start message, and a context manager that mutes its output."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from grasp_factory.simulation.world.urdf import with_packages
 
 @cache
 def foot_of(path: Path) -> Path:
-    """Return a URDF of another one's root link alone; it is in memory until the process ends."""
+    """Return a URDF with only the root link of ``path``, in memory until the process ends."""
     root = ElementTree.parse(with_packages(path)).getroot()
     children = {child.attrib["link"] for child in root.iterfind("joint/child")}
     for element in [*root.iterfind("joint"), *root.iterfind("link")]:

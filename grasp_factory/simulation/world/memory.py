@@ -6,7 +6,7 @@ import os
 
 
 def file_in_memory(name: str, data: bytes) -> str:
-    """Return the path of a file that lives as long as this process.
+    """Return the path of a file that exists until this process ends.
 
     A killed process leaves no file. No other content can have the same name, which matters
     because the engine caches files by name.

@@ -16,7 +16,7 @@ class MeshNames:
     """The names under which one world opens files.
 
     The OpenGL plugin identifies a mesh by its file's name: it would show all meshes of one file in
-    the size of the first, and hide them together. So with it, each mesh gets its own name.
+    the size of the first, and hide them together. So for the plugin, each mesh gets its own name.
     """
 
     def __init__(self, renderer: Renderer) -> None:
@@ -28,7 +28,7 @@ class MeshNames:
         self._times.clear()
 
     def of(self, file: Path) -> Path:
-        """Return the name to open a file under."""
+        """Return the name under which the engine opens a file."""
         if not self._are_own:
             return file
         number = self._times[file]
@@ -36,7 +36,7 @@ class MeshNames:
         return Path(f"/proc/self/fd/{_descriptor(file.parent, number)}/{file.name}")
 
     def within(self, body: Compound) -> Compound:
-        """Return a body whose visual meshes have such names."""
+        """Return a body in which each visual mesh has such a name."""
         if not self._are_own:
             return body
         parts = (replace(part, shape=str(self.of(Path(part.shape)))) for part in visual_parts(body))

@@ -28,7 +28,7 @@ class PosedWorld(World):
         raise GraspFactoryError("cannot step: in a posed world nothing moves by physics")
 
     def place_body(self, body: int, pose: Pose) -> None:
-        """Put a body with its own (URDF) frame at a pose in the world."""
+        """Place a body so that its own (URDF) frame is at a pose in the world."""
         placed = Pose.from_matrix(pose.matrix() @ self.inertial_frame(body).matrix())
         p.resetBasePositionAndOrientation(
             body, placed.position, placed.quat_xyzw, physicsClientId=self._client

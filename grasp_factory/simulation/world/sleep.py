@@ -1,4 +1,4 @@
-"""Bodies that stay where they are, left out of the simulation until they are needed."""
+"""Exclude bodies at rest from the simulation until they are needed."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ def put_to_sleep(world: World, bodies: Iterable[int]) -> None:
 
 
 def wake(world: World, bodies: Iterable[int]) -> None:
-    """End the sleep of bodies."""
+    """Wake bodies up, so that they are simulated again."""
     for body in bodies:
         world.change_dynamics(body, -1, activationState=_WAKE)

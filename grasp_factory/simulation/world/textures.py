@@ -14,7 +14,7 @@ NO_TEXTURE = -1
 
 
 class Textures:
-    """The textures of a client; each is loaded once per reset, as the engine keeps every copy."""
+    """The textures of a client; each is loaded once per reset, because the engine keeps all."""
 
     def __init__(self, client: int) -> None:
         self._client = client

@@ -14,11 +14,11 @@ from grasp_factory.simulation.world.engine import p
 from grasp_factory.simulation.world.textures import Textures
 
 Hidden = list[tuple[int, int, Sequence[float]]]
-"""Link, its shape and the shape's colour, to show a body again."""
+"""Rows of a link, the index of one of its shapes and the shape's colour, for ``Visuals.show``."""
 
 
 class Visuals:
-    """The appearance of a client's bodies."""
+    """Sets the appearance of a client's bodies, and renders them."""
 
     def __init__(self, client: int, renderer: Renderer, textures: Textures) -> None:
         self._client = client
@@ -31,11 +31,11 @@ class Visuals:
         self._colors.clear()
 
     def set_look(self, body: int, color: Sequence[float], texture: str) -> None:
-        """Show a body in a colour, multiplied with a texture's if one is named.
+        """Set a body's colour, multiplied by a texture's colour if one is named.
 
         Raises:
             UnknownNameError: if there is no such texture.
-            RecipeError: if the renderer shows no textures.
+            RecipeError: if the renderer does not support textures.
         """
         if texture and not self._renderer.has_textures:
             raise RecipeError(f"texture {texture!r}: renderer {self._renderer.value} has none")
@@ -50,12 +50,12 @@ class Visuals:
             )
 
     def hide(self, body: int, links: Container[int] | None = None) -> Hidden:
-        """Leave a body, or some of its links, out of all renders and return how it looked."""
+        """Hide a body, or some of its links, in all renders; return what ``show`` needs."""
         hidden: Hidden = []
         for row in p.getVisualShapeData(body, physicsClientId=self._client):
             if links is not None and row[1] not in links:
                 continue
-            link, rgba = row[1], self._colors.get(body, row[7])  # OpenGL: [7] is the file's
+            link, rgba = row[1], self._colors.get(body, row[7])  # OpenGL: [7] is the file's colour
             shape = sum(link == other for other, _, _ in hidden)  # counted per link
             hidden.append((link, shape, rgba))
             self._tint(body, (link, shape), (0.0, 0.0, 0.0, 0.0))
@@ -82,7 +82,7 @@ class Visuals:
             lightAmbientCoeff=light.ambient,
             lightDiffuseCoeff=light.diffuse,
             lightSpecularCoeff=light.specular,
-            renderer=p.ER_TINY_RENDERER,  # a loaded plugin draws instead
+            renderer=p.ER_TINY_RENDERER,  # a loaded plugin renders instead
             flags=p.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
             physicsClientId=self._client,
         )
