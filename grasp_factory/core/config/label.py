@@ -1,4 +1,4 @@
-"""What a success asks for: the thresholds of the label."""
+"""The config's section on the label: the thresholds that a success must meet."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from grasp_factory.core.serialization import check_range
 
 
 def _condition(text: str, default: float | None) -> Any:
-    """Return a threshold's field; ``text`` says what it asks for, {} stands for its value."""
+    """Return the field of a threshold.
+
+    ``text`` is its condition in words, with {} in place of the value.
+    """
     return dataclasses.field(default=default, metadata={"condition": text})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelConfig:
-    """The thresholds behind the success label; a minimum of 0, or None, asks for nothing."""
+    """The thresholds of the success label; a minimum of 0, or None, disables a condition."""
 
     min_lift: float = _condition(
         "its centre of mass is at least {} m above its rest at the end of the hold", 0.10
@@ -39,7 +42,7 @@ class LabelConfig:
                 check_range(self, key, 0.0, 100.0)
 
     def conditions(self) -> dict[str, str]:
-        """Return in words what success asks for, by threshold, without those that ask nothing."""
+        """Return the enabled conditions of success in words, by the name of the threshold."""
         values = {name: getattr(self, name) for name in self.condition_texts()}
         return {
             name: text.format(f"{values[name]:g}")
@@ -49,5 +52,5 @@ class LabelConfig:
 
     @classmethod
     def condition_texts(cls) -> dict[str, str]:
-        """Return what each threshold asks for in words, with {} where its value stands."""
+        """Return each threshold's condition in words, with {} in place of the value."""
         return {field.name: field.metadata["condition"] for field in dataclasses.fields(cls)}

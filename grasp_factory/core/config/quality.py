@@ -1,6 +1,6 @@
 """The config's section on quality: thresholds, and the score that an episode must have.
 
-``quality`` compares with them what ``inspection`` measures.
+``labels/quality.py`` compares the measurements of an episode with the thresholds.
 """
 
 from __future__ import annotations
@@ -14,29 +14,36 @@ BEST, WORST = 5, 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QualityConfig:
-    """The thresholds behind the quality score, and the score that an episode must have."""
+    """The thresholds of the quality score, and the smallest score that an episode must have."""
 
     min_sharpness: float = 0.45
-    """Of the least sharp image before the attempt: what a blur of 3 x 3 pixels takes of it."""
+    """Sharpness of the least sharp image before the attempt.
+
+    Sharpness is the share of the Laplacian's variance that a blur of 3 x 3 pixels removes.
+    """
     min_exposure: float = 0.1
-    """Mean grey value, 0 black to 1 white, of the worst exposed image before the attempt."""
+    """Smallest mean grey value, 0 black to 1 white, of any image before the attempt."""
     max_exposure: float = 0.9
+    """Largest mean grey value of any image before the attempt."""
     max_clipped: float = 0.25
-    """Share of the pixels of an image before the attempt that are black or white."""
+    """Largest share of black or white pixels in any image before the attempt."""
     min_visibility: float = 0.5
-    """Share of the target's pixels that nothing hides from the camera that sees it best."""
+    """Smallest visible (not occluded) share of the target, in the camera that sees most of it."""
     min_target_pixels: int = 16
-    """Pixels of the target in the image that has most of them."""
+    """Smallest number of pixels of the target, in the image that has most of them."""
     max_depth_holes: float = 0.25
-    """Share of the pixels of a depth image before the attempt that have no depth."""
+    """Largest share of pixels without depth in any depth image before the attempt."""
     max_stream_gap: float = 1.5
-    """Longest time without a record in any of the series, in periods of its rate."""
+    """Longest time without a record in any time series, in periods of its rate."""
     max_penetration: float = 0.001
-    """Metres that a pad may sink into the target, and the robot into the table."""
+    """Largest penetration of a pad into the target and of the robot into the table, metres."""
     max_force_residual: float = 0.2
-    """What forces and motion may leave unexplained in the hold, of the target's weight."""
+    """Largest difference between the hand's force on the target and the target's m (a - g).
+
+    It is the mean over the hold, as a share of the target's weight.
+    """
     min_score: int = WORST
-    """Episodes that score less are quarantined; 1 lets all of them in."""
+    """Episodes with a lower score are quarantined; 1 accepts all."""
 
     def __post_init__(self) -> None:
         for key in ("sharpness", "exposure", "visibility"):
