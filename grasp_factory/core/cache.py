@@ -85,6 +85,6 @@ def write(path: Path, data: bytes) -> None:
     except OSError as error:
         why = error.strerror or str(error)
         raise UsageError(
-            f"the cache {path.parent} cannot be written: {why}; set {VARIABLE} to a directory"
-            " that can"
+            f"the cache {path.parent} cannot be written: {why}; set {VARIABLE} to a writable"
+            " directory"
         ) from None
