@@ -1,4 +1,4 @@
-"""What surrounds an attempt, as far as it is seen: surfaces and light."""
+"""The appearance of the surroundings of an attempt: table, floor and light."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ Color = tuple[float, float, float]
 
 
 def check_color(key: str, color: Color) -> None:
-    """Raise ConfigError unless all parts lie in 0 to 1."""
+    """Raise ConfigError unless all components are from 0 to 1."""
     check(all(0.0 <= part <= 1.0 for part in color), key, list(color), "three values from 0 to 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurfaceAppearance:
-    """The look of something flat."""
+    """The appearance of a flat surface."""
 
     color: Color
     texture: str = ""
-    """An id of ``textures``, multiplied with the colour; empty for none."""
+    """An id of ``textures``; the image is multiplied with the colour. Empty for no texture."""
 
     def __post_init__(self) -> None:
         check_color("color", self.color)
@@ -34,7 +34,7 @@ FLOOR = SurfaceAppearance(color=(0.42, 0.44, 0.46))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
-    """What is around the objects and changes nothing but images."""
+    """Table, floor and light. They change only the images."""
 
     table: SurfaceAppearance = TABLE
     floor: SurfaceAppearance = FLOOR

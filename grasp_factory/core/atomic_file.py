@@ -1,6 +1,7 @@
-"""Writing a file so that its readers find all of it or none, and waiting until it is on the disk.
+"""Atomic writing of files, and waiting until files are on the disk (fsync).
 
-The bytes are written under another name in the same folder, and then renamed.
+The bytes are written to a temporary file in the same folder, which is then renamed. A reader never
+sees a part of the new content.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 PARTIAL = ".partial"
-"""Ends the names of files that are being written."""
+"""Suffix of files that are being written."""
 _PARALLEL_SYNCS = 16
-"""Files that are waited for at once; on a local disk a block's 140 take a fifth of the time."""
+"""Number of parallel fsync calls; on a local disk a block's 140 files take a fifth of the time."""
 
 
 def partial_path(file: Path) -> Path:
@@ -25,14 +26,14 @@ def partial_path(file: Path) -> Path:
 def write_atomic(
     file: Path, data: bytes | bytearray | memoryview, *, durable: bool = False
 ) -> None:
-    """Write a file, or replace it.
+    """Write or replace a file.
 
-    After an error the partial file stays; the next write replaces it.
+    After an error the partial file remains; the next write replaces it.
 
     Args:
         file: the file.
         data: its new content.
-        durable: return when the file and its name are on the disk.
+        durable: wait until the file and its name are on the disk.
 
     Raises:
         OSError: if it cannot be written.
@@ -44,9 +45,9 @@ def write_atomic(
 
 @contextlib.contextmanager
 def replacing(file: Path, partial: Path) -> Iterator[Path]:
-    """Yield ``partial`` to write to; it becomes ``file`` when the block succeeds.
+    """Yield ``partial`` to write to; rename it to ``file`` if the block succeeds.
 
-    After an error the partial file is removed.
+    If the block fails, the partial file is removed.
 
     Raises:
         OSError: if it cannot be renamed.
@@ -61,12 +62,14 @@ def replacing(file: Path, partial: Path) -> Iterator[Path]:
 
 
 def move_into_place(partial: Path, file: Path, *, durable: bool = False) -> None:
-    """Rename a file that is written completely; one that has the name already is replaced.
+    """Rename a completely written file to its final name; an existing file is replaced.
+
+    With ``durable``, also wait until the file and its name are on the disk.
 
     Raises:
         OSError: if it cannot be renamed.
     """
-    if durable:  # first the content: a power cut must not leave the name with nothing in it
+    if durable:  # the content first: a power cut must not leave an empty file of this name
         _fsync(partial)
     partial.replace(file)
     if durable:
@@ -76,8 +79,8 @@ def move_into_place(partial: Path, file: Path, *, durable: bool = False) -> None
 def fsync(paths: Iterable[Path]) -> None:
     """Wait until these files or directories are on the disk.
 
-    A directory's fsync makes the names in it durable: files created, renamed or removed there.
-    All are waited for at once, so that the file system can write them together.
+    The fsync of a directory makes changes of its entries durable: files created, renamed or
+    removed. The calls run in parallel, so that the file system can write the files together.
 
     Raises:
         OSError: if the disk fails.
@@ -86,10 +89,10 @@ def fsync(paths: Iterable[Path]) -> None:
     with ThreadPoolExecutor(_PARALLEL_SYNCS) as pool:
         try:
             done = pool.map(_fsync, waited_for)
-        except RuntimeError:  # the process may start no more threads
+        except RuntimeError:  # the process cannot start more threads
             done = map(_fsync, waited_for)
         for _ in done:
-            pass  # an exception of one of them is raised here
+            pass  # raises the exception of a failed fsync
 
 
 def fsync_tree(root: Path) -> None:

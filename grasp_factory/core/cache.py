@@ -1,4 +1,4 @@
-"""The cache of imported objects and models; files are checked by their hash when they are read."""
+"""The cache of imported objects and models; a file is checked by its hash when it is read."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ from grasp_factory.errors import UsageError, shown
 
 VARIABLE = "GRASP_FACTORY_CACHE"
 MAX_PATH = 900
-"""Characters of the directory's path. PyBullet 3.2.7 cuts a mesh's at 1024, and a path that is
-not ASCII in ``createCollisionShapeArray`` crashes the process."""
+"""Largest length of the directory's path, characters.
+
+PyBullet 3.2.7 cuts the path of a mesh at 1024 characters, and a path that is not ASCII crashes the
+process in ``createCollisionShapeArray``.
+"""
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def cache_dir() -> Path:
-    """Return the cache's directory: ``$GRASP_FACTORY_CACHE``, or XDG's.
+    """Return the cache's directory: ``$GRASP_FACTORY_CACHE``, or a folder in XDG's cache.
 
     Raises:
-        UsageError: if the physics engine could not load meshes from there.
+        UsageError: if no directory is found, or the physics engine cannot load meshes from it.
     """
     try:
         path = Path(os.environ.get(VARIABLE) or _user_cache() / "grasp-factory").absolute()
@@ -50,12 +53,12 @@ def digest(data: bytes) -> str:
 
 
 def is_digest(text: str) -> bool:
-    """Return whether a text is a SHA-256 in hex; only such a text becomes a file's name."""
+    """Return whether a text is a SHA-256 in hex; only such a text is used as a file name."""
     return _SHA256.fullmatch(text) is not None
 
 
 def read_checked(path: Path) -> bytes | None:
-    """Return the content of a file that is named by its hash; None if it is absent or damaged."""
+    """Return the content of a file that is named by its hash; None if it is missing or damaged."""
     data = read(path)
     return data if data is not None and digest(data) == path.stem else None
 
@@ -76,12 +79,12 @@ def write(path: Path, data: bytes) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # A name of its own: other processes may write the same file at this moment.
+        # A unique name: other processes may write the same file at this moment.
         with replacing(path, path.with_name(f".new-{uuid4().hex}")) as partial:
             partial.write_bytes(data)
     except OSError as error:
         why = error.strerror or str(error)
         raise UsageError(
-            f"the cache {path.parent} cannot be written: {why}; set {VARIABLE} to a directory"
-            " that can"
+            f"the cache {path.parent} cannot be written: {why}; set {VARIABLE} to a writable"
+            " directory"
         ) from None

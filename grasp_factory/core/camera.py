@@ -1,7 +1,7 @@
-"""The pinhole camera: intrinsics, clip matrices for the renderer, metric depth, deprojection.
+"""The pinhole camera: intrinsics, OpenGL matrices for the renderer, metric depth, deprojection.
 
-Camera frames are OpenCV's (+x right, +y down, +z forward); ``opengl_view`` and
-``opengl_projection`` are the one place where they become OpenGL's.
+Camera frames follow OpenCV (+x right, +y down, +z forward). Only ``opengl_view`` and
+``opengl_projection`` convert them to OpenGL's convention.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from grasp_factory.core.renderer import Renderer
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics:
-    """A pinhole without distortion; pixel coordinates are integers at pixel samples."""
+    """A pinhole camera without distortion; pixels are sampled at integer pixel coordinates."""
 
     width: int
     height: int
@@ -58,10 +58,10 @@ class Camera:
     far: float
     """Metres."""
     renderer: Renderer = Renderer.TINY
-    """What it is made for: pixels are sampled elsewhere by another."""
+    """The renderer of its images: the sampling point inside a pixel depends on it."""
 
     def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
-        """Return the camera that takes a part of this one's image, pixel for pixel."""
+        """Return the camera whose image is this part (in pixels) of this camera's image."""
         k = self.intrinsics
         part = Intrinsics(width, height, k.fx, k.fy, k.cx - left, k.cy - top)
         return dataclasses.replace(self, intrinsics=part)
@@ -84,7 +84,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """A directional light. All of it goes into every render, because the renderer remembers."""
+    """A directional light. Each render sets all values, because the renderer keeps old ones."""
 
     direction: tuple[float, float, float] = (0.6, 0.9, 1.5)
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)

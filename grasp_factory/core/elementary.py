@@ -1,10 +1,10 @@
-"""Elementary functions with the same bits on every processor and C library.
+"""Elementary functions with identical bits on every processor and C library.
 
-The C library's sine and NumPy's own have variants for FMA, AVX2 and AVX-512 whose last bits differ.
-IEEE 754 fixes the result of ``+ - * /``, of the square root and of rounding to an integer, so the
-functions here use nothing else: range reduction, then a Taylor series. Sine, cosine, exp and log
-are within 2 ulp of the true value, angles within 5 (``tests/core/test_elementary.py``). All code
-between a seed and stored bytes uses them.
+The sine functions of the C library and of NumPy have variants for FMA, AVX2 and AVX-512 whose last
+bits differ. IEEE 754 defines the exact result of ``+ - * /``, of the square root and of rounding to
+an integer, so the functions here use only these: range reduction, then a Taylor series. The errors
+of sine, cosine, exp and log are at most 2 ulp, of angles at most 5 ulp
+(``tests/core/test_elementary.py``). All code that computes stored bytes from a seed uses them.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from numpy.typing import ArrayLike
 from grasp_factory.core.linear import Array
 
 LARGEST_ANGLE = 1e5
-"""Radians: up to here the range reduction of sine and cosine keeps all bits."""
+"""Radians: up to this angle the range reduction of sine and cosine loses no precision."""
 
-# Pi / 2 and ln 2 as sums of which the first terms end in zeros: their products with the small whole
-# numbers of a range reduction are exact (Cody and Waite, 1980).
+# Pi / 2 and ln 2 as sums of several terms. The first terms end in zero bits, so their products with
+# the small integers of a range reduction are exact (Cody and Waite, 1980).
 _HALF_PI = (
     float.fromhex("0x1.921fb54400000p+0"),
     float.fromhex("0x1.0b4611a600000p-34"),
@@ -38,8 +38,10 @@ _LOGARITHM = [1.0 / (2 * k + 1) for k in range(11, 0, -1)]
 def sincos(angle: ArrayLike) -> tuple[Array, Array]:
     """Return sine and cosine of angles in rad, any shape, up to ``LARGEST_ANGLE`` in size.
 
+    The results for NaN are NaN.
+
     Raises:
-        ValueError: for a larger angle. NaN gives NaN.
+        ValueError: for a larger angle.
     """
     x = np.asarray(angle, np.float64)
     largest = np.abs(x).max(initial=0.0)
@@ -56,7 +58,7 @@ def sincos(angle: ArrayLike) -> tuple[Array, Array]:
         series += coefficient
         series *= z
     sine, cosine = r + r * series[0], 1.0 + series[1]
-    with np.errstate(invalid="ignore"):  # NaN is no whole number
+    with np.errstate(invalid="ignore"):  # NaN is not an integer
         turn = quarter.astype(np.int64)
     is_odd = (turn & 1).astype(np.bool_)
     return (
@@ -67,7 +69,7 @@ def sincos(angle: ArrayLike) -> tuple[Array, Array]:
 
 @cache
 def _sine_and_cosine(ndim: int) -> tuple[Array, ...]:
-    """Return the coefficients of both series, (2, 1, ...), that of the highest power first."""
+    """Return the coefficients (2, 1, ...) of both series, from the highest power to the lowest."""
     terms = ((math.factorial(2 * k + 1), math.factorial(2 * k)) for k in range(8, 0, -1))
     signs = (1.0, -1.0) * 4
     return tuple(
@@ -79,7 +81,8 @@ def _sine_and_cosine(ndim: int) -> tuple[Array, ...]:
 def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
     """Return the angle of points (x, y) in rad, within [-pi, pi]; 0 for the origin.
 
-    The half-angle formula, three times, brings the tangent below 0.1; then the series of arctan.
+    The half-angle formula, applied three times, reduces the tangent to below 0.1; then the
+    series of arctan converges fast.
     """
     y, x = np.asarray(y, np.float64), np.asarray(x, np.float64)
     high, wide = np.abs(y), np.abs(x)
@@ -101,7 +104,7 @@ def arccos(cosine: ArrayLike) -> Array:
 
 
 def exp(x: ArrayLike) -> Array:
-    """Return e to the power of numbers whose result is neither denormal nor infinite."""
+    """Return e to the power of ``x``, any shape; results must not be denormal or infinite."""
     x = np.asarray(x, np.float64)
     power = np.rint(x * (1.0 / _LN2[0]))
     r = x - power * _LN2[0] - power * _LN2[1]
@@ -109,7 +112,7 @@ def exp(x: ArrayLike) -> Array:
 
 
 def log(x: ArrayLike) -> Array:
-    """Return the natural logarithms of positive, finite numbers."""
+    """Return the natural logarithms of positive, finite numbers, any shape."""
     fraction, power = np.frexp(np.asarray(x, np.float64))
     is_small = fraction < math.sqrt(0.5)
     fraction = np.where(is_small, 2.0 * fraction, fraction)
@@ -121,16 +124,16 @@ def log(x: ArrayLike) -> Array:
 
 
 def normal(rng: np.random.Generator, size: int | tuple[int, ...]) -> Array:
-    """Draw standard normal numbers, to single precision.
+    """Draw standard normal numbers, rounded to single precision.
 
-    The ends of NumPy's distribution come from the C library's logarithm, which is exact but for
-    the last bits: single precision does not see them.
+    NumPy computes the tails of the distribution with the C library's logarithm, whose last bits
+    differ between libraries. Rounding to single precision removes these bits.
     """
     return rng.standard_normal(size).astype(np.float32).astype(np.float64)
 
 
 def _horner(coefficients: Sequence[float], x: Array) -> Array:
-    """Return a polynomial's values; the coefficient of its highest power comes first."""
+    """Return the values of a polynomial; the coefficient of the highest power is first."""
     total = np.full_like(x, coefficients[0])
     for coefficient in coefficients[1:]:
         total *= x

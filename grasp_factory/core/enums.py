@@ -1,4 +1,4 @@
-"""The coded words of an episode: how it ended, its phases, and what a pixel or contact shows."""
+"""The enumerations of an episode: outcomes, phases, and labels of pixels and contacts."""
 
 from __future__ import annotations
 
@@ -6,33 +6,33 @@ from enum import IntEnum
 
 
 class Outcome(IntEnum):
-    """How an attempt ended. The values are stored: append, never reorder."""
+    """How an attempt ended. The values are stored in datasets: append new ones, never reorder."""
 
     SUCCESS = 0
     NEVER_SETTLED = 1
-    """The object was still moving when the settling time was over."""
+    """The object was still moving at the end of the settling time."""
     LEFT_WORKSPACE = 2
-    """The object came to rest outside the workspace, or fell off the table in the attempt."""
+    """The object came to rest outside the workspace, or fell off the table during the attempt."""
     NO_PLAN = 3
-    """The policy proposed no grasp, for instance because it saw no target."""
+    """The policy proposed no grasp, for example because it saw no target."""
     UNREACHABLE = 4
     """The robot has no joint path to any proposed grasp."""
     COLLISION = 5
-    """Something was touched before the gripper closed."""
+    """The robot touched something before the gripper closed."""
     NO_CONTACT = 6
     """The gripper closed without both pads touching the target."""
     LOST_IN_LIFT = 7
-    """Both pads touched the target, and it was lost before the lift ended."""
+    """Both pads touched the target, but it was lost before the lift ended."""
     LOST_IN_HOLD = 8
-    """The target was up when the lift ended and lost by the end of the hold."""
+    """The target was up when the lift ended, but it was lost by the end of the hold."""
     LOST_IN_SHAKE = 9
-    """The target was held, and lost at a level of the shake that success demands."""
+    """The target was held, but lost at a level of the shake that success requires."""
     UNSTABLE = 10
-    """The target stayed in the hand, but gripped too weakly or moved too far for the label."""
+    """The target stayed in the hand, but the grip was too weak or it moved too far for success."""
 
 
 class Phase(IntEnum):
-    """The part of an attempt that a record belongs to. Stored: append, never reorder."""
+    """The part of an attempt that a record belongs to. Stored: append new ones, never reorder."""
 
     PREGRASP = 0
     APPROACH = 1
@@ -43,7 +43,7 @@ class Phase(IntEnum):
 
 
 class Label(IntEnum):
-    """What a pixel or a contact shows: stable scene labels, not the simulator's ids."""
+    """The body at a pixel or contact: labels of the scene, independent of the simulator's ids."""
 
     BACKGROUND = 0
     FLOOR = 1
@@ -51,17 +51,17 @@ class Label(IntEnum):
     ARM = 3
     GRIPPER = 4
     TARGET = 5
-    """Other objects follow: 6, 7, ..."""
+    """The labels of other objects are 6, 7, ..."""
 
 
 def label_names(objects: int) -> list[str]:
-    """Return the words of ``Label`` for scenes of so many objects; a word's position is its value.
+    """Return the label names for scenes with this number of objects; a position is a value.
 
-    After the target come object_1, object_2, ...: their numbers are those of a recipe's objects.
+    After the target follow object_1, object_2, ...: the number is the index in a recipe's objects.
     """
     return [*names(Label), *(f"object_{i}" for i in range(1, objects))]
 
 
 def names(words: type[IntEnum]) -> list[str]:
-    """Return the words in lower case; a word's position is its value."""
+    """Return the names of an enumeration in lower case; the position of a name is its value."""
     return [word.name.lower() for word in words]

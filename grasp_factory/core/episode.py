@@ -1,4 +1,4 @@
-"""The records that flow through the factory: recipe, view, plan, episode."""
+"""The records of an episode: recipe, view of the scene, grasp plan, images and streams."""
 
 from __future__ import annotations
 
@@ -27,48 +27,48 @@ from grasp_factory.core.sensors import series_groups
 from grasp_factory.core.serialization import from_plain, to_plain
 
 Streams = Mapping[str, NDArray[Any]]
-"""Time series with one clock, by name, each (samples, ...)."""
+"""Time series that share a clock, by name, each (samples, ...)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObjectSpec:
-    """One object to drop."""
+    """One object of a recipe and how it is dropped."""
 
     object_set: str
     object_id: str
     family: str
     """The kind of shape."""
     split: str
-    """train, val or test: a property of the object, never of the episode."""
+    """train, val or test; it depends on the object, not on the episode."""
     mass: float
     """kg."""
     lateral_friction: float
-    """Coulomb coefficient; the pair's value is the product with the other body's."""
+    """Coulomb coefficient; a contact has the product of both bodies' coefficients."""
     drop_pose: Pose
-    """Pose of the object's own frame in the world when it starts to fall."""
+    """Pose of the object's frame in the world frame when it starts to fall."""
     folder_sha256: str = ""
-    """For an object of a user's folder: the digest of its contents; empty for built-in objects."""
+    """SHA-256 of the contents of a user's folder of objects; empty for built-in objects."""
     scale: float = 1.0
     """Factor on the model's size."""
     linear_damping: float = 0.0
-    """Share of the velocity lost per second, as Bullet counts it."""
+    """Bullet's damping: share of the velocity that is lost per second."""
     angular_damping: float = 0.0
     color: Color | None = None
-    """None for the model's own."""
+    """None for the model's own colour."""
     texture: str = ""
     """An id of ``textures``; empty for the model's own appearance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeSpec:
-    """The complete recipe of one episode: running it makes the same episode, byte for byte."""
+    """The complete recipe of one episode: running it always makes the same bytes."""
 
     index: int
     seed: int
     robot: str
     policy: str
     policy_parameters: Mapping[str, Any]
-    """All of the policy's own settings."""
+    """All settings of the policy."""
     objects: tuple[ObjectSpec, ...]
     """The first one is the target."""
     surroundings: Surroundings
@@ -77,7 +77,7 @@ class EpisodeSpec:
     record_hz: int
     imu_hz: int
     video_hz: int
-    """Frames per second of the video that each camera takes of the attempt; 0 for none."""
+    """Frame rate of each camera's video of the attempt, Hz; 0 for no video."""
     workspace: WorkspaceConfig
     physics: PhysicsConfig
     motion: MotionConfig
@@ -87,16 +87,16 @@ class EpisodeSpec:
 
     @property
     def imu_rate(self) -> int:
-        """Rate of the IMU, Hz, under the name that a config has for it."""
+        """Rate of the IMU, Hz; the same name as in a config."""
         return self.imu_hz
 
     def to_json(self) -> str:
-        """Return the spec as canonical JSON."""
+        """Return the recipe as canonical JSON."""
         return json.dumps(to_plain(self), sort_keys=True, separators=(",", ":"))
 
     @classmethod
     def from_json(cls, text: str) -> EpisodeSpec:
-        """Read what ``to_json`` wrote.
+        """Return the recipe from the JSON that ``to_json`` returned.
 
         Raises:
             ConfigError: naming the key that is wrong.
@@ -106,12 +106,12 @@ class EpisodeSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraImage:
-    """One camera's images of one instant."""
+    """The images of one camera at one instant."""
 
     rgb: NDArray[np.uint8]
     """(H, W, 3)."""
     depth: NDArray[np.float32]
-    """(H, W) metres along the optical axis; ``far`` where nothing is seen."""
+    """(H, W) metres along the optical axis; the camera's ``far`` where no body is visible."""
     segmentation: NDArray[np.uint8]
     """(H, W), values of ``Label``."""
     intrinsics: Array
@@ -122,7 +122,7 @@ class CameraImage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneView:
-    """Everything that a policy may use: plain arrays, never the simulator."""
+    """The input of a policy: plain arrays, without access to the simulator."""
 
     images: Mapping[str, CameraImage]
     joint_positions: Array
@@ -138,28 +138,31 @@ class SceneView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grasp:
-    """A TCP pose to close at: +z approaches, +y closes, the origin lies between the pads."""
+    """A TCP pose at which the gripper closes.
+
+    The TCP frame: +z approaches, +y closes, the origin is between the pads.
+    """
 
     T_world_tcp: Array
     """(4, 4)."""
     width: float
-    """Metres between the pads before closing."""
+    """Distance between the pads before closing, metres."""
     score: float = 0.0
     """The policy's own figure of merit; higher is better."""
     proposer: str = ""
-    """The policy that proposed it, if that is not the episode's policy."""
+    """Name of the policy that proposed the grasp; empty for the episode's policy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GraspPlan:
-    """Grasps in order of preference; the first that the robot can reach is executed."""
+    """Grasps in order of preference; the robot executes the first that it can reach."""
 
     grasps: tuple[Grasp, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraFrames:
-    """One camera over an episode: frame 0 is before the attempt, 1 after."""
+    """The images of one camera in an episode: frame 0 is before the attempt, frame 1 after it."""
 
     rgb: NDArray[np.uint8]
     """(2, H, W, 3)."""
@@ -170,28 +173,28 @@ class CameraFrames:
     intrinsics: Array
     """(3, 3) pixels."""
     T_world_camera: Array
-    """(2, 4, 4), OpenCV axes; both frames have the same unless the camera moves with the hand."""
+    """(2, 4, 4), OpenCV axes; both are equal unless the camera moves with the hand."""
     visibility: NDArray[np.float32]
-    """(2, M): the share of each object's pixels in the image that nothing hides."""
+    """(2, M): the visible share of each object's pixels in the image, without occluded pixels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Episode:
-    """One attempt: its recipe, its label, the measurements behind it, images and streams."""
+    """One attempt: recipe, label, the measurements that the label follows from, images, streams."""
 
     spec: EpisodeSpec
     outcome: Outcome
     columns: Mapping[str, Any]
-    """The row's other scalars and small arrays, by the store's column name (``schema.py``)."""
+    """Other scalars and small arrays, by column name in the store (``schema.py``)."""
     cameras: Mapping[str, CameraFrames]
     streams: Streams
-    """The time series of the records, each (n_steps, ...), unpadded."""
+    """The time series at the record rate, each (n_steps, ...), without padding."""
     own_rate: Mapping[str, Streams]
-    """Time series at their own rate, by their group in the store (``sensors.py``), unpadded."""
+    """Time series at other rates, by group in the store (``sensors.py``), without padding."""
 
     @property
     def success(self) -> bool:
-        """True if the object was held through lift, hold and shake."""
+        """True if the outcome is success: the target was held through lift, hold and shake."""
         return self.outcome is Outcome.SUCCESS
 
     @property
@@ -201,29 +204,30 @@ class Episode:
 
     @property
     def videos(self) -> Streams:
-        """The videos' series, each (n_video, ...); empty for a recipe without video.
+        """The time series of the videos, each (n_video, ...); empty for a recipe without video.
 
-        They are ``timestamp``, and for each camera ``<name>/rgb`` and ``<name>/T_world_camera``.
+        The names are ``timestamp`` and, for each camera, ``<name>/rgb`` and
+        ``<name>/T_world_camera``.
         """
         return self.own_rate.get("videos", {})
 
     @property
     def series(self) -> Mapping[str, Streams]:
-        """All time series, by their group in the store; ``streams`` comes first."""
+        """All time series by group in the store; ``streams`` is first."""
         return {"streams": self.streams, **self.own_rate}
 
     @property
     def n_steps(self) -> int:
-        """Records in each stream."""
+        """Number of records in each stream."""
         return len(self.streams["timestamp"])
 
     @property
     def n_imu(self) -> int:
-        """Samples of the IMU."""
+        """Number of samples of the IMU."""
         return len(self.imu["timestamp"])
 
     def contents(self) -> dict[str, NDArray[Any]]:
-        """Return every value of the episode as an array, by path in the store."""
+        """Return all values of the episode as arrays, by path in the store."""
         out: dict[str, NDArray[Any]] = {
             "episodes/success": np.asarray(self.success),
             "episodes/outcome": np.asarray(int(self.outcome), np.uint8),
@@ -247,12 +251,12 @@ class Episode:
         return out
 
     def checksum(self) -> str:
-        """Return the ``checksum`` of the episode's contents."""
+        """Return the ``checksum`` (SHA-256 in hex) of the episode's contents."""
         return checksum(self.contents())
 
 
 def checksum(contents: Mapping[str, NDArray[Any]]) -> str:
-    """Return a SHA-256 over names, types, shapes and bytes of an episode's contents, as hex.
+    """Return the SHA-256 (hex) of the names, types, shapes and bytes of an episode's contents.
 
     It does not depend on padding, chunking or compression.
     """
@@ -265,11 +269,11 @@ def checksum(contents: Mapping[str, NDArray[Any]]) -> str:
 
 
 def content_bytes(array: NDArray[Any]) -> bytes | memoryview:
-    """Return the bytes of an array of an episode's contents; words are joined by NUL."""
+    """Return the bytes of an array of an episode's contents; strings are joined by NUL."""
     if array.dtype.kind == "U":
         return "\0".join(array.ravel().tolist()).encode()
     return np.ascontiguousarray(array).data
 
 
 _COLUMN_DTYPES = {row.path: row.dtype for row in FIELDS if row.dtype != "string"}
-"""A column may hold Python numbers; this is what they are in the store."""
+"""Types of columns in the store; ``Episode.columns`` may contain Python numbers."""

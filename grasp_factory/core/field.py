@@ -8,7 +8,7 @@ from typing import Any
 from grasp_factory.core.enums import Label, names
 
 LABELS = tuple(names(Label))
-"""``Field.names`` of arrays of labels; the store's own fields name each further object, too."""
+"""``Field.names`` of label arrays; the fields of a store add a name for each further object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,26 +16,26 @@ class Field:
     """One array of the store; its first dimension, N, is the episode."""
 
     path: str
-    """``{camera}`` stands for each camera's name."""
+    """Path of the array in the store; ``{camera}`` is replaced by each camera's name."""
     dims: tuple[str | int, ...]
-    """Dimensions after N; ``schema.sizes`` has the length of each letter."""
+    """Dimensions after N; ``schema.sizes`` returns the length of each lettered dimension."""
     dtype: str
     """Name of a numpy dtype such as ``float32``, or ``string``."""
     units: str = ""
     frame: str = ""
     description: str
     names: tuple[str, ...] = ()
-    """For coded values: the word whose position is the value."""
+    """For coded values: their names; the position of a name is its value."""
     empty: int = 0
-    """Fill value of an integer array, where 0 would mean a word."""
+    """Fill value of an integer array; not 0 where 0 is a valid value."""
     gaps: bool = False
-    """Whether NaN is valid among the recorded values; it means that there is no value."""
+    """Whether recorded values may be NaN, which means that there is no value."""
     length_column: str = ""
     """For time series, which are padded: path of the column with the valid length; else empty."""
 
     @property
     def fill(self) -> Any:
-        """What the array holds where nothing was recorded."""
+        """Fill value: what the array holds where nothing was recorded."""
         if self.dtype == "string":
             return ""
         if self.dtype == "bool":
@@ -49,12 +49,12 @@ class Field:
 
     @property
     def is_video(self) -> bool:
-        """True for images that are a time series: each episode of them is a file of its own."""
+        """True for images that are a time series; each episode is a separate file."""
         return self.is_image and bool(self.length_column)
 
 
 def field(
     path: str, dims: tuple[str | int, ...], dtype: str, description: str, **more: Any
 ) -> Field:
-    """Return a field; a table of them reads better without keywords."""
+    """Return a field; positional arguments keep a table of fields readable."""
     return Field(path=path, dims=dims, dtype=dtype, description=description, **more)

@@ -1,4 +1,4 @@
-"""Numbers that an episode must not have: infinity anywhere, NaN where it has no meaning."""
+"""A check for invalid numbers in an episode: infinity, and NaN where it has no meaning."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from grasp_factory.core.schema import Field
 
 
 def non_finite(contents: Mapping[str, NDArray[Any]], fields: Iterable[Field]) -> str:
-    """Return the first array with a number that is neither finite nor a gap; empty for none.
+    """Return the path of the first array with a number that is neither finite nor a gap.
+
+    The result is empty if there is no such array.
 
     Args:
         contents: An episode's arrays by path, unpadded.
-        fields: Those of the store; ``Field.gaps`` says where NaN is a gap.
+        fields: The fields of the store; ``Field.gaps`` is true where NaN means a gap.
     """
     with_gaps = {field.path for field in fields if field.gaps}
     for path, values in contents.items():

@@ -1,4 +1,7 @@
-"""Rigid transforms. ``T_a_b`` maps coordinates in frame b to frame a; quaternions are xyzw."""
+"""Rigid transforms, rotations and quaternions.
+
+``T_a_b`` maps coordinates in frame b to frame a; quaternions are xyzw (scalar last).
+"""
 
 from __future__ import annotations
 
@@ -56,12 +59,12 @@ def inverse(T: Array) -> Array:
 
 
 def apply(T: Array, points: Array) -> Array:
-    """Map points, shape (..., 3) in metres, through one transform (4, 4)."""
+    """Return points, shape (..., 3) in metres, mapped by one transform (4, 4)."""
     return turned(T[:3, :3], points) + T[:3, 3]
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """Return the rotation matrix (3, 3) by ``angle`` radians about a unit ``axis`` (3,).
+    """Return the rotation matrix (3, 3) of ``angle`` radians about a unit ``axis`` (3,).
 
     Rodrigues' formula.
     """
@@ -85,7 +88,7 @@ def skew(v: Array) -> Array:
 
 
 def rotation_vector(R: Array) -> Array:
-    """Return axis times angle (3,) in radians of a rotation matrix (3, 3), angle in [0, pi]."""
+    """Return axis times angle (3,) of a rotation matrix (3, 3); the angle is in [0, pi] rad."""
     x, y, z, w = matrix_to_quat_xyzw(R)
     v = np.array([x, y, z])
     sine = length(v)
@@ -121,7 +124,7 @@ def pose_matrices(poses: ArrayLike) -> Array:
 def matrix_to_quat_xyzw(R: ArrayLike) -> Array:
     """Return the unit quaternion (4,) with w >= 0 of a rotation matrix (3, 3).
 
-    Shepperd's method: divides by the largest component, so that no angle is ill-conditioned.
+    Shepperd's method: it divides by the largest component, so it is well-conditioned at all angles.
     """
     R = np.asarray(R, dtype=np.float64)
     trace = R[0, 0] + R[1, 1] + R[2, 2]

@@ -1,4 +1,4 @@
-"""The shape of a parallel gripper, as far as a policy needs to know it."""
+"""The dimensions and limits of a parallel gripper that a policy needs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ class Gripper:
     """A parallel gripper, described in its TCP frame: +z approaches, +y closes."""
 
     max_width: float
-    """Metres between the fully open pads."""
+    """Distance between the pads when the gripper is fully open, metres."""
     tip_distance: float
-    """Metres from the TCP to the fingertips' ends, along +z."""
+    """Distance from the TCP to the ends of the fingertips, along +z, metres."""
     palm_distance: float
-    """Metres from the palm to the TCP, along +z."""
+    """Distance from the palm to the TCP, along +z, metres."""
     pad_size: tuple[float, float]
     """Width (along x) and height (along z) of a pad, metres."""
     finger_thickness: float
@@ -22,4 +22,4 @@ class Gripper:
     force_range: tuple[float, float]
     """Smallest and largest gripping force of the datasheet, N."""
     max_finger_speed: float
-    """Metres per second, of each finger."""
+    """Maximum speed of each finger, m/s."""

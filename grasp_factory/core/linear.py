@@ -1,8 +1,8 @@
-"""Small linear algebra with the same bits on every processor.
+"""Linear algebra for small matrices, with identical bits on every processor.
 
-BLAS and LAPACK choose kernels by the processor, and each sums in an order of its own. Here sums of
-products are taken one by one, in the order of the index, by NumPy's elementwise operations, whose
-results IEEE 754 fixes. Whatever leads from a seed to stored bytes uses these.
+BLAS and LAPACK choose kernels for the processor, and each kernel adds in a different order. Here
+products are added one by one in the order of the index, with NumPy's elementwise operations, whose
+results IEEE 754 defines. All code that computes stored bytes from a seed uses these functions.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ Array = NDArray[np.float64]
 
 
 def product(A: Array, B: Array) -> Array:
-    """Return the matrix products (..., n, m) of stacks (..., n, k) and (..., k, m), of small k."""
+    """Return the matrix products (..., n, m) of stacks (..., n, k) and (..., k, m); k is small."""
     return np.asarray((A[..., :, :, None] * B[..., None, :, :]).sum(axis=-2))
 
 
 def turned(R: Array, vectors: Array) -> Array:
-    """Return the vectors (..., 3) that matrices (..., 3, 3) make of vectors (..., 3).
+    """Return the products (..., 3) of matrices (..., 3, 3) and vectors (..., 3).
 
-    One matrix for many vectors, a matrix for each, or many for one: shapes broadcast.
+    Leading dimensions broadcast: one matrix and many vectors, or many matrices and one vector.
     """
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     rows = [R[..., i, 0] * x + R[..., i, 1] * y + R[..., i, 2] * z for i in range(3)]
@@ -29,30 +29,30 @@ def turned(R: Array, vectors: Array) -> Array:
 
 
 def turned_back(R: Array, vectors: Array) -> Array:
-    """Return what the transposed matrices make of vectors: ``turned(R^T, vectors)``."""
+    """Return the products of the transposed matrices and vectors: ``turned(R^T, vectors)``."""
     return turned(np.swapaxes(R, -1, -2), vectors)
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Return the scalar products (...) of vectors (..., n), of small n."""
+    """Return the scalar products (...) of vectors (..., n); n is small."""
     return np.asarray((a * b).sum(axis=-1))
 
 
 def norm(vectors: ArrayLike) -> Array:
-    """Return the lengths (...) of vectors (..., n), of small n."""
+    """Return the lengths (...) of vectors (..., n); n is small."""
     v = np.asarray(vectors, np.float64)
     return np.sqrt(dot(v, v))
 
 
 def length(vector: ArrayLike) -> float:
-    """Return the length of one vector (n,), of small n."""
+    """Return the length of one vector (n,); n is small."""
     return float(norm(vector))
 
 
 def solve_definite(A: Array, b: Array) -> Array:
     """Return x (..., n) with ``A x = b`` for A (..., n, n) and b (..., n).
 
-    A is symmetric and positive definite: Gauss and Jordan's elimination needs no pivots then.
+    A must be symmetric and positive definite: then Gauss-Jordan elimination needs no pivoting.
     """
     n = A.shape[-1]
     M = np.concatenate([A, b[..., None]], axis=-1)

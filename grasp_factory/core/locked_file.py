@@ -1,4 +1,4 @@
-"""Opening a file and locking it: the lock is the kernel's (flock), so it ends with its process."""
+"""Opening and locking a file; the kernel releases the lock (flock) when its process ends."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ def open_locked(
     wait: bool = False,
     check: Callable[[int], None] = lambda descriptor: None,
 ) -> int:
-    """Open a file for reading and writing, created if missing, and lock it.
+    """Open a file for reading and writing, create it if it is missing, and lock it.
 
-    If another process replaced or removed the file between opening and locking, it is opened again:
-    the file that is locked is the one that has the name.
+    If another process replaces or removes the file between opening and locking, it is opened again,
+    so that the locked file is the one with this name.
 
     Args:
-        file: the file; a link is refused.
-        flags: of ``os.open``, in addition.
-        mode: permissions of a file that is created.
-        shared: let others share the lock.
-        wait: wait for others who hold it.
-        check: called with the descriptor before it is locked; what it raises is raised here.
+        file: the file; a symbolic link is an error.
+        flags: additional flags of ``os.open``.
+        mode: permissions of the file if it is created.
+        shared: take a shared lock instead of an exclusive one.
+        wait: wait until other processes release the lock.
+        check: called with the descriptor before it is locked; its exceptions are passed on.
 
     Returns:
         The descriptor; closing it releases the lock.
@@ -57,7 +57,7 @@ def open_locked(
 
 
 def try_upgrade(descriptor: int) -> bool:
-    """Return whether a shared lock could be made exclusive; if not, it is lost."""
+    """Try to make a shared lock exclusive; return False if this fails, and the lock is lost."""
     try:
         _lock(descriptor, fcntl.LOCK_EX, wait=False)
     except BlockingIOError:
@@ -66,7 +66,7 @@ def try_upgrade(descriptor: int) -> bool:
 
 
 def has_name(descriptor: int, file: Path) -> bool:
-    """Return whether an open file is still the one of that name."""
+    """Return whether the file at a path is still the one that the descriptor has open."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.lstat(file))
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""What this machine is, in words: facts that a store keeps of where it was made."""
+"""Facts about this machine (processor, C library, kernels), which a store keeps as text."""
 
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ _LEVELS = {
     "x86-64-v3": "abm avx avx2 bmi1 bmi2 f16c fma movbe xsave",
     "x86-64-v4": "avx512bw avx512cd avx512dq avx512f avx512vl",
 }
-"""By level: what it has beside those before it, in the kernel's words."""
+"""Microarchitecture level to the CPU flags that it adds, with the names of the Linux kernel."""
 _LIBRARIES = "*openblas*"
 _CORE_NAMES = (
     "scipy_openblas_get_corename64_",
     "openblas_get_corename64_",
     "openblas_get_corename",
 )
-"""Functions of OpenBLAS, by how it was built."""
+"""Names of the same OpenBLAS function; the name depends on how the library was built."""
 
 
 def platform_facts() -> dict[str, str]:
-    """Return facts by name: machine, libc, cpu, level and kernels. Bytes depend on none."""
+    """Return facts by name: machine, libc, cpu, level and kernels.
+
+    The bytes of episodes do not depend on them.
+    """
     told = _cpuinfo()
     return {
         "machine": platform.machine(),
@@ -38,7 +41,7 @@ def platform_facts() -> dict[str, str]:
 
 
 def level(flags: str) -> str:
-    """Return the microarchitecture level of x86-64 that a processor with these flags has."""
+    """Return the x86-64 microarchitecture level of a processor with these flags."""
     found, has = UNKNOWN, set(flags.split())
     for name, needed in _LEVELS.items():
         if not has.issuperset(needed.split()):
@@ -48,7 +51,7 @@ def level(flags: str) -> str:
 
 
 def _cpuinfo() -> dict[str, str]:
-    """Return what the kernel says of the first processor, by key."""
+    """Return the entries of /proc/cpuinfo for the first processor; empty if it cannot be read."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
@@ -58,7 +61,7 @@ def _cpuinfo() -> dict[str, str]:
 
 
 def _openblas() -> str:
-    """Return the name of the kernels that numpy's own OpenBLAS has chosen."""
+    """Return the name of the kernels that numpy's bundled OpenBLAS has chosen."""
     folder = Path(np.__file__).parent.with_name("numpy.libs")
     for file in sorted(folder.glob(_LIBRARIES)):
         try:
@@ -74,7 +77,7 @@ def _openblas() -> str:
 
 
 def _numpy_features() -> str:
-    """Return the sets of instructions beyond its baseline that numpy uses here."""
+    """Return the instruction sets that numpy uses here in addition to its baseline."""
     told = np.show_config(mode="dicts")  # type: ignore[call-overload, unused-ignore]
     features = told.get("SIMD Extensions", {}) if isinstance(told, dict) else {}
     return " ".join(features.get("found", [])) or "baseline"

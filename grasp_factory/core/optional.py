@@ -8,11 +8,11 @@ from grasp_factory.errors import MissingLibraryError
 
 
 def require(*modules: str, extra: str) -> None:
-    """Check that the libraries of an extra are installed, without importing them.
+    """Check that optional libraries are installed, without importing them.
 
     Args:
         modules: their import names.
-        extra: the extra of this package that installs them.
+        extra: the optional dependency group of this package that installs them.
 
     Raises:
         MissingLibraryError: naming the missing libraries and the command that installs them.
@@ -23,7 +23,7 @@ def require(*modules: str, extra: str) -> None:
 
 
 def missing_libraries(*modules: str, extra: str) -> MissingLibraryError:
-    """Return the error to raise when libraries of an extra are not installed."""
+    """Return the error for optional libraries that are not installed."""
     verb = "is" if len(modules) == 1 else "are"
     return MissingLibraryError(
         f"this needs {', '.join(modules)}, which {verb} not installed:"

@@ -1,4 +1,4 @@
-"""OS errors that the disk, permissions or limits cause, not the episode and not the program."""
+"""OS errors that are caused by the disk, permissions or limits, not by episodes or this program."""
 
 from __future__ import annotations
 
@@ -31,14 +31,20 @@ MACHINE_ERRNOS = {
 }
 """Error numbers that come from the disk, permissions and limits."""
 HOW_TO_CONTINUE = "committed episodes stay: solve this and run the same command again to continue"
-"""End of the message of a run that such an error stopped."""
+"""End of the error message when such an error has stopped a run."""
 NO_THREAD = "can't start new thread"
-"""Message of Python's RuntimeError where the number of processes or the memory is limited."""
+"""Message of Python's RuntimeError when a limit on processes or memory is reached."""
 
 
 @contextlib.contextmanager
 def adding_how_to_continue(path: Path | None = None) -> Iterator[None]:
-    """Add to an error of the disk what it means for the store, and its path where none is named."""
+    """Convert disk errors to StoreErrors that say how to continue.
+
+    ``path`` is named in the message if the error itself names no file.
+
+    Raises:
+        StoreError: for an OSError in ``MACHINE_ERRNOS``, or a StoreError caused by an OSError.
+    """
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Output files of commands: checks of the path, and atomic writing."""
+"""Output files of commands: checks of their paths, and atomic writing."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class FileKind:
     """A file format and how to recognize it."""
 
     what: str
-    """Name with an article, such as: a GIF animation."""
+    """Name of the format with an article, such as: a GIF animation."""
     suffix: str
-    """In lower case, with the dot."""
+    """Suffix of file names, in lower case, with the dot."""
     magic: bytes
     """Bytes that such files have at ``offset``."""
     offset: int = 0
@@ -70,9 +70,9 @@ def is_in_store(path: Path) -> bool:
 
 @contextlib.contextmanager
 def written_aside(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside ``path``, and rename it to ``path`` after the block.
+    """Yield a temporary path in the same folder; rename it to ``path`` after the block.
 
-    It has the same suffix. If the block raises, the temporary file is removed.
+    It has the same suffix. If the block raises an exception, the temporary file is removed.
 
     Raises:
         StoreError: if the file cannot be written.

@@ -29,6 +29,6 @@ def folder_of(package: str) -> Path:
 
 
 def package_folders() -> dict[str, Path]:
-    """Return the folders of the installed packages by the prefixes that URDF files use."""
+    """Return the folders of the installed ``PACKAGES`` by the prefixes that URDF files use."""
     there = [package for package in PACKAGES if find_spec(package) is not None]
     return {f"{SCHEME}{package}/": folder_of(package) for package in there}

@@ -1,4 +1,4 @@
-"""Ending together with the process that started this one."""
+"""A way to end this process when its parent process ends."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _PR_SET_PDEATHSIG = 1
 
 
 def end_with_parent() -> None:
-    """Have the kernel kill this process when its parent ends, even while it runs C code.
+    """Ask the kernel to kill this process when its parent ends, even while it runs C code.
 
-    It does so on Linux alone.
+    This works only on Linux; elsewhere it does nothing.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)

@@ -1,4 +1,4 @@
-"""Fingerprints of platforms: what they consist of, their text, and what a difference means."""
+"""Fingerprints of platforms: their parts, their text form, and how two of them differ."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ PARTS: Mapping[str, str] = {
     "arithmetic": "arithmetic of numpy and of this package",
     "network": "answers of torch's networks",
 }
-"""What each part of a fingerprint is made from."""
+"""Part of a fingerprint to a description of the results that it is computed from."""
 FINGERPRINT = "fingerprint"
-"""The root attribute that holds the parts, of stores since version 0.5.0."""
+"""Root attribute of a store with the parts; stores have it since version 0.5.0."""
 ACCEPT = "--accept-other-platform"
 NO_FINGERPRINT = "made by a version without fingerprints"
 _CHECK = "check"
@@ -30,7 +30,7 @@ _LONGEST = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fingerprint:
-    """Digests of what a platform computes: where they are equal, episodes have equal bytes.
+    """Digests of results that a platform computes; equal fingerprints mean equal bytes of episodes.
 
     Each part has 8 hexadecimal digits.
     """
@@ -40,13 +40,13 @@ class Fingerprint:
     libm: str
     arithmetic: str
     network: str = ""
-    """Empty where no trained model has a part in the episodes."""
+    """Empty if no trained model is used for the episodes."""
 
     def __post_init__(self) -> None:
         """Check the parts.
 
         Raises:
-            StoreError: naming one that is no digest.
+            StoreError: naming a part that is not a digest.
         """
         for name, value in self.parts().items():
             if not isinstance(value, str) or not _DIGEST.fullmatch(value):
@@ -54,25 +54,25 @@ class Fingerprint:
                 raise StoreError(f"fingerprint: {name}: got {shown(value)}, valid: {valid}")
 
     def parts(self) -> dict[str, str]:
-        """Return the parts by name; an optional one that is empty is left out."""
+        """Return the parts by name, without an empty ``network``."""
         found = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return {name: value for name, value in found.items() if value or name != "network"}
 
     def __str__(self) -> str:
-        """Return the text for people: ``name:digest`` of each part."""
+        """Return ``name:digest`` of each part, for people to read."""
         return " ".join(f"{name}:{value}" for name, value in self.parts().items())
 
     @property
     def text(self) -> str:
-        """The text that stores hold: that for people, and ``check``, a CRC-32 over it."""
+        """The text in the rows of a store: ``str(self)`` and ``check``, a CRC-32 of it."""
         return f"{self} {_CHECK}:{_checked(str(self))}"
 
     @classmethod
     def parse(cls, text: str) -> Fingerprint:
-        """Read what ``text`` gave.
+        """Return the fingerprint with this ``text``.
 
         Raises:
-            StoreError: if it is anything else.
+            StoreError: if the text is invalid or damaged.
         """
         plain, _, check = text[:_LONGEST].rpartition(f" {_CHECK}:")
         words = [word.partition(":") for word in plain.split(" ")]
@@ -86,10 +86,10 @@ class Fingerprint:
 
     @classmethod
     def from_parts(cls, parts: Any) -> Fingerprint:
-        """Read what ``parts`` gave, as a root attribute holds it.
+        """Return the fingerprint with these ``parts``, as a root attribute has them.
 
         Raises:
-            StoreError: if it is anything else.
+            StoreError: if they are invalid.
         """
         names = {field.name for field in dataclasses.fields(cls)}
         is_whole = isinstance(parts, Mapping) and names - {"network"} <= set(parts) <= names
@@ -107,12 +107,12 @@ def fingerprint_of(attributes: Mapping[str, Any]) -> Fingerprint | None:
 
 
 def is_fingerprint(text: str) -> bool:
-    """Say whether a row's text is one that ``Fingerprint.text`` gives."""
+    """Return whether a row's text is a valid ``Fingerprint.text``."""
     return parsed(text) is not None
 
 
 def parsed(text: str) -> Fingerprint | None:
-    """Return the fingerprint that a row's text stands for; None where it stands for none."""
+    """Return the fingerprint with a row's text, or None if the text is invalid."""
     try:
         return Fingerprint.parse(text)
     except StoreError:
@@ -125,16 +125,16 @@ def differing(a: Fingerprint, b: Fingerprint) -> tuple[str, ...]:
 
 
 def meaning(parts: Iterable[str]) -> str:
-    """Return some parts with what they are made from, for a message: ``engine (...) and ...``."""
+    """Return names of parts with their descriptions, for a message: ``engine (...) and ...``."""
     *most, last = (f"{name} ({PARTS[name]})" for name in parts)
     return f"{', '.join(most)} and {last}" if most else last
 
 
 def difference(known: Fingerprint | None, here: Fingerprint) -> str:
-    """Return in words how what is known of a platform differs from this one; empty if it does not.
+    """Return in words how two platforms differ; empty if they do not.
 
     Args:
-        known: where something was made; None where that is not told.
+        known: the platform that made something; None if it is unknown.
         here: this platform.
     """
     if known is None:

@@ -1,4 +1,4 @@
-"""What can draw images, and what each of them does otherwise. Loads no library."""
+"""The renderers and the differences between them, as data; no library is loaded."""
 
 from __future__ import annotations
 
@@ -6,35 +6,35 @@ from enum import Enum
 
 
 class Renderer(Enum):
-    """What draws the images; ``docs/reference/rendering.md`` says what each promises."""
+    """A renderer of images; ``docs/reference/rendering.md`` describes both."""
 
     TINY = "tiny"
-    """PyBullet's own, on the CPU: no driver has a part in it."""
+    """PyBullet's TinyRenderer, on the CPU: it does not depend on a graphics driver."""
     EGL = "egl"
-    """OpenGL without a window: on a GPU, or on the CPU by Mesa."""
+    """OpenGL without a window: on a GPU, or on the CPU with Mesa."""
 
     @property
     def pixel_offset(self) -> tuple[float, float]:
-        """Where pixel (0, 0) is sampled, in pixels from the image's upper left corner.
+        """Sampling point (x, y) of pixel (0, 0), in pixels from the upper left corner of the image.
 
-        OpenGL samples in the middle of a pixel; TinyRenderer where this says (measured).
+        OpenGL samples the centre of a pixel; the value for TinyRenderer is measured.
         """
         return (0.0, 1.0) if self is Renderer.TINY else (0.5, 0.5)
 
     @property
     def composites(self) -> bool:
-        """Whether a pixel is that of the nearest body alone, whatever else there is.
+        """Whether a pixel depends only on the nearest body, so that renders can be composed.
 
-        With OpenGL, bodies cast shadows on each other.
+        With OpenGL it does not, because bodies cast shadows on each other.
         """
         return self is Renderer.TINY
 
     @property
     def has_textures(self) -> bool:
-        """Whether textures are shown: PyBullet's OpenGL puts none on a body that is there."""
+        """Whether textures are shown: PyBullet's OpenGL cannot add one to an existing body."""
         return self is Renderer.TINY
 
     @property
     def largest_image(self) -> tuple[int, int]:
-        """The most pixels of width and height: OpenGL enlarges those of its hidden window."""
+        """Largest width and height in pixels; OpenGL scales up the image of its hidden window."""
         return (4096, 4096) if self is Renderer.TINY else (1024, 768)

@@ -1,7 +1,7 @@
-"""The table of the store: every array with its dimensions, type, unit, frame and meaning.
+"""The schema of the store: every array with its dimensions, type, unit, frame and meaning.
 
-Writers, the reader, the checks and the table of docs/reference/format.md all follow it.
-The arrays of sensors are declared in ``sensors.py``.
+The writer, the reader, the checks and the table in docs/reference/format.md use it.
+The arrays of sensors are defined in ``sensors.py``.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ FINGERPRINT = _f(
 )
 ERROR = _f("episodes/error", (), "string", "why the episode is quarantined")
 NOT_IN_AN_EPISODE = (STATUS.path, CHECKSUM.path, DIGESTS.path, FINGERPRINT.path, ERROR.path)
-"""Arrays about an episode's contents that are not part of them."""
+"""Arrays that describe an episode's contents but are not part of these contents."""
 
 
 def _length(group: SeriesGroup) -> Field:
@@ -174,7 +174,7 @@ FIELDS: tuple[Field, ...] = (
 
 
 def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
-    """Return the length of each lettered dimension for a config and a robot's joint count."""
+    """Return the length of each lettered dimension, for a config and a robot's number of joints."""
     width, height = config.resolution
     return {group.dim: group.longest(config) for group in series_groups()} | {
         "J": joints,
@@ -187,13 +187,16 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
 
 
 def expand(config: FactoryConfig) -> tuple[Field, ...]:
-    """Return the fields of a config's store, one for each camera, without groups of rate 0."""
+    """Return the fields of a config's store.
+
+    Fields of cameras are repeated for each camera; groups with rate 0 are left out.
+    """
     absent = tuple(group for group in series_groups() if not group.rate(config))
     return _expand(tuple(config.cameras), config.clutter.count, absent)
 
 
 def digested(fields: Iterable[Field]) -> tuple[str, ...]:
-    """Return the paths of those fields of a store that an episode's contents are made of."""
+    """Return the paths of those fields that are part of an episode's contents."""
     return tuple(row.path for row in fields if row.path not in NOT_IN_AN_EPISODE)
 
 
@@ -231,7 +234,7 @@ def dimension_names() -> Mapping[str, str]:
 
 
 def shape(row: Field, size: Mapping[str, int]) -> tuple[int, ...]:
-    """Return a field's dimensions after N as numbers."""
+    """Return a field's shape without N, as numbers."""
     return tuple(size[dim] if isinstance(dim, str) else dim for dim in row.dims)
 
 

@@ -1,4 +1,4 @@
-"""A folder for the files of one process while it works."""
+"""A temporary folder for the files of one process; it also removes those of dead processes."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _MAKER = re.compile(r"(\d+)-\w+")
-"""Process id, and what ``tempfile`` appends; the dashes of a longer host name do not match."""
+"""Process id and the suffix from ``tempfile``; the rest of a longer host name does not match."""
 
 
 @contextlib.contextmanager
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
-    """Yield a new folder ``.NAME-HOST-PID-*``, which is removed at the end.
+    """Yield a new folder ``.NAME-HOST-PID-*``; remove it at the end.
 
-    Those that killed processes of this host have left in ``parent`` are removed first.
+    First remove such folders in ``parent`` whose process on this host does not exist any more.
 
     Args:
-        parent: the folder to make it in, for files that are to be moved there.
-        name: what its name begins with.
+        parent: where to create the folder; files can be moved from it to ``parent``.
+        name: the start of the folder's name.
 
     Raises:
-        OSError: if it cannot be made.
+        OSError: if the folder cannot be created.
     """
     head = f".{name}-{socket.gethostname()}-"
     for left in parent.glob(f"{glob.escape(head)}*"):

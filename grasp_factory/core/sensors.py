@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from grasp_factory.core.config.factory_config import FactoryConfig
 
 MAX_CONTACTS = 12
-"""Contact points kept per pad and record; the strongest stay when there are more."""
+"""Largest number of contact points per pad and record; the strongest ones are kept."""
 _PHASES = tuple(names(Phase))
 _PAD = "pad: origin at the pad's centre, axes parallel to the TCP frame's"
 _IMU = "imu: at the wrist flange, axes parallel to the TCP frame's"
@@ -27,19 +27,19 @@ _SENSOR = "ft_sensor: at the wrist flange, axes parallel to the TCP frame's"
 
 
 class Rates(Protocol):
-    """What a rate may depend on; a config has it, and so has a recipe."""
+    """The settings that a rate may depend on; both configs and recipes have them."""
 
     @property
     def record_hz(self) -> int:
-        """Rate of the streams."""
+        """Rate of the streams, Hz."""
 
     @property
     def imu_rate(self) -> int:
-        """Rate of the IMU."""
+        """Rate of the IMU, Hz."""
 
     @property
     def video_hz(self) -> int:
-        """Rate of the videos; 0 for none."""
+        """Rate of the videos, Hz; 0 for no videos."""
 
     @property
     def physics(self) -> PhysicsConfig:
@@ -48,22 +48,25 @@ class Rates(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeriesGroup:
-    """Time series with one clock: a group of the store, with the array ``timestamp``."""
+    """Time series that share a clock: a group of the store, with the array ``timestamp``."""
 
     name: str
     """Path of the group in the store."""
     title: str
     """What the length column counts, as in "valid length of the streams"."""
     dim: str
-    """The samples' letter in ``Field.dims``; no other group or dimension has it."""
+    """Letter of the sample dimension in ``Field.dims``; no other group or dimension uses it."""
     dimension_name: str
     """Name of that dimension in the store's arrays."""
     count: str
     """Name of the column with the number of samples."""
     rate: Callable[[Rates], int]
-    """Returns samples per second, a divisor of both physics rates; 0 leaves the group out."""
+    """Returns samples per second, a divisor of both physics rates; 0 to leave the group out."""
     capacity: Callable[[FactoryConfig], int] | None = None
-    """Returns the most samples of an attempt; None for the rate times the longest attempt."""
+    """Returns the largest number of samples of an attempt.
+
+    None for the rate times the longest attempt.
+    """
 
     @property
     def length_column(self) -> str:
@@ -92,14 +95,14 @@ class SeriesGroup:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorModel:
-    """A sensor as data."""
+    """The description of a sensor: its arrays, and where its class is."""
 
     name: str
     description: str
     group: SeriesGroup
-    """The series that it samples; sensors of the same group are sampled at the same instants."""
+    """The group of its time series; all sensors of a group are sampled at the same instants."""
     fields: tuple[Field, ...]
-    """The arrays that it records. One sensor of each group has ``timestamp``."""
+    """The arrays that it records. One sensor of each group records ``timestamp``."""
     implementation: str
     """``module:class`` of the ``Sensor``."""
 
@@ -119,7 +122,7 @@ IMU = SeriesGroup(
     dimension_name="imu_step",
     count="n_imu",
     rate=lambda rates: rates.imu_rate,
-    # A whole number for each record: shapes of stores depend on it.
+    # A whole number of samples for each record, because the shapes of stores depend on it.
     capacity=lambda config: config.longest_attempt * config.imu_rate // config.record_hz,
 )
 VIDEOS = SeriesGroup(
@@ -250,7 +253,7 @@ SENSORS: dict[str, SensorModel] = {
     model.name: model
     for model in (CLOCK, ENCODERS, TRACKER, TACTILE, HAND, WRIST, WRIST_IMU, VIDEO)
 }
-"""In the order of their arrays in the schema."""
+"""Sensors by name, in the order of their arrays in the schema."""
 
 
 def series_groups() -> tuple[SeriesGroup, ...]:

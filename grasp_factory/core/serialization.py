@@ -1,4 +1,4 @@
-"""Conversion of frozen dataclasses to plain data, as in JSON and YAML, and back, with checks."""
+"""Conversion between frozen dataclasses and plain data (as in JSON and YAML), with checks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ R = TypeVar("R")
 
 
 def to_plain(value: Any) -> Any:
-    """Return nested dicts, lists and scalars for a record; ``from_plain`` is the inverse."""
+    """Return a record as nested dicts, lists and scalars; ``from_plain`` is the inverse."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Mapping):
@@ -31,7 +31,9 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(cls: type[R], data: Any, where: str = "") -> R:
-    """Build the record ``cls`` from plain data; missing keys take the field's default.
+    """Return a record of type ``cls`` from plain data; missing keys take the field's default.
+
+    ``where`` is the path of ``data`` in the whole config, for error messages.
 
     Raises:
         ConfigError: for an unknown key (with the nearest valid one), a missing key without
@@ -60,8 +62,9 @@ def from_plain(cls: type[R], data: Any, where: str = "") -> R:
 def normalise(record: Any) -> None:
     """Convert each field of a frozen record to its declared type, in place.
 
-    Equal records are then equal in every bit, whether the caller passed 1 or 1.0 for a float, a
-    list or a tuple, a number of NumPy or of Python. Call it first in ``__post_init__``.
+    Equal records are then identical in every bit. It makes no difference whether the caller passed
+    1 or 1.0 for a float, a list or a tuple, a number of NumPy or of Python. Call this first in
+    ``__post_init__``.
 
     Raises:
         ConfigError: naming the field, what it got and what is valid.
@@ -73,7 +76,7 @@ def normalise(record: Any) -> None:
 
 
 def sections_of(cls: type[Any]) -> dict[str, type[Any]]:
-    """Return the fields of a record that are records themselves, with their types."""
+    """Return the types of the fields that are records themselves, by field name."""
     hints = _hints(cast(Any, cls)).items()
     return {name: cast(Any, hint) for name, hint in hints if dataclasses.is_dataclass(hint)}
 
@@ -89,13 +92,17 @@ def is_number(value: Any) -> bool:
 
 
 def check(ok: bool, key: str, got: Any, valid: str) -> None:
-    """Raise ConfigError, naming the key, what it got and what is valid, unless ``ok``."""
+    """Raise ConfigError, naming the key, the value and the valid values, unless ``ok``."""
     if not ok:
         raise ConfigError(f"{key}: got {shown(got)}, valid: {valid}")
 
 
 def check_range(record: Any, key: str, low: float, high: float, unit: str = "") -> None:
-    """Check that a record's field lies in [low, high]."""
+    """Check that the field ``key`` of a record is a number in [low, high].
+
+    Raises:
+        ConfigError: if it is not.
+    """
     got = getattr(record, key)
     check(is_number(got) and low <= got <= high, key, got, f"{low} to {high} {unit}".strip())
 
@@ -104,7 +111,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         return None if value is None else _convert(args[0], value, where)
-    if hint is Any:  # its owner checks it
+    if hint is Any:  # checked by the code that uses it
         return value
     if dataclasses.is_dataclass(hint):
         return value if isinstance(value, hint) else from_plain(hint, value, where)  # type: ignore[arg-type]
@@ -150,7 +157,7 @@ def _convert_scalar(hint: Any, value: Any, where: str) -> Any:
 def _float(value: Any) -> float:
     try:
         return float(value)
-    except OverflowError:  # an integer beyond the range of floats
+    except OverflowError:  # an integer too large for a float
         return math.inf
 
 

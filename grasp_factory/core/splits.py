@@ -1,4 +1,4 @@
-"""The split of an object, train, val or test: it depends on the object alone."""
+"""The split of an object, train, val or test; it depends only on the object."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ VAL_SHARE = 0.1
 
 
 def split_of(key: str) -> str:
-    """Return the split of the object that goes by a key; it stays when a set grows."""
+    """Return the split of the object with this key; it does not change when a set grows."""
     share = int.from_bytes(hashlib.sha256(key.encode()).digest()[:8]) / 2**64
     if share < TRAIN_SHARE:
         return "train"

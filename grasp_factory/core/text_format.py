@@ -1,4 +1,4 @@
-"""Text for people: tables, escaped text, numbers, rates, sizes and times."""
+"""Formatting of text for people: tables, escaped text, numbers, rates, sizes and times."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 
 def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
-    """Return rows as aligned columns; columns with an index in ``right`` are right-aligned."""
+    """Return rows as aligned columns; columns whose index is in ``right`` are right-aligned."""
     cells = [[str(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     flush = set(right)
@@ -21,7 +21,7 @@ def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return a text whose unprintable characters, which a terminal may obey, are escape codes."""
+    """Return a text with unprintable characters, which may control a terminal, as escape codes."""
     return "".join(
         c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii")
         for c in text
@@ -29,17 +29,20 @@ def escaped(text: str) -> str:
 
 
 def bar(share: float, width: int) -> str:
-    """Return a bar for a share in [0, 1] of ``width`` characters; only a share of 0 has none."""
+    """Return a bar for a share in [0, 1]; a share of 1 has ``width`` characters.
+
+    The bar is empty only for a share of 0.
+    """
     return "#" * max(1, round(share * width)) if share > 0.0 else ""
 
 
 def count(number: int, noun: str) -> str:
-    """Return a number with its noun, which is in the plural unless the number is 1."""
+    """Return a number with its noun; the noun is plural unless the number is 1."""
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
 def percent(rate: float | None) -> str:
-    """Return a rate in per cent, or a dash for None."""
+    """Return a rate from 0 to 1 in per cent, or a dash for None."""
     return "-" if rate is None else f"{100 * rate:.1f} %"
 
 

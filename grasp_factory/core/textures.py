@@ -1,7 +1,8 @@
-"""Procedural textures: a fixed list of ids, each an image that follows from its id alone.
+"""Procedural textures: a fixed list of ids; the image of a texture depends only on its id.
 
-They are pale, because the renderer multiplies them with the colour of what bears them. There is
-no end of colours but only so many textures, because the engine keeps each one that it has loaded.
+The textures are pale, because the renderer multiplies them with the colour of the body. Any
+colour is possible, but the number of textures is fixed, because the engine keeps each one that it
+loads.
 """
 
 from __future__ import annotations
@@ -17,17 +18,17 @@ from grasp_factory.core.geometry import Array
 from grasp_factory.errors import lookup
 
 SIDE = 256
-"""Pixels of each side."""
+"""Width and height of a texture, pixels."""
 NUMBERS = 8
-"""Textures of each kind."""
+"""Number of textures of each kind."""
 DARKEST = 0.25
-"""Of the tint that a texture may have, so that the colour below it still shows."""
+"""Smallest brightness of a texture, 0 to 1, so that the colour of the body remains visible."""
 
 _V, _U = np.mgrid[0:SIDE, 0:SIDE] / SIDE
 
 
 def texture_image(texture: str) -> NDArray[np.uint8]:
-    """Return the image of a texture, RGB (256, 256, 3); it is the same on every call.
+    """Return the image of a texture, RGB (256, 256, 3); every call returns the same image.
 
     Raises:
         UnknownNameError: if there is no such texture.
@@ -68,7 +69,7 @@ def _bricks(rng: np.random.Generator) -> Array:
 
 
 def _cloud(rng: np.random.Generator) -> Array:
-    """Value noise of several octaves (Perlin's sum), smoothly repeated at the edges."""
+    """Return value noise of several octaves (Perlin's sum) that repeats smoothly at the edges."""
     coarsest = int(rng.integers(2, 5))
     whole = sum(_octave(rng, coarsest << k) / (1 << k) for k in range(5))
     assert isinstance(whole, np.ndarray)
@@ -96,7 +97,7 @@ def _speckle(rng: np.random.Generator) -> Array:
 
 
 def _octave(rng: np.random.Generator, cells: int) -> Array:
-    """Return a grid of random values, smoothly interpolated, (256, 256) in 0 to 1."""
+    """Return a grid of random values from 0 to 1, smoothly interpolated to (256, 256)."""
     grid = rng.random((cells, cells))
     at = np.arange(SIDE) * cells / SIDE
     low = at.astype(int)
@@ -108,7 +109,7 @@ def _octave(rng: np.random.Generator, cells: int) -> Array:
 
 
 def _spread(values: Array) -> Array:
-    """Return values stretched to 0 to 1."""
+    """Return values scaled to the range from 0 to 1."""
     return np.asarray((values - values.min()) / np.ptp(values))
 
 
@@ -126,4 +127,4 @@ _KINDS: Mapping[str, Callable[[np.random.Generator], Array]] = {
 TEXTURES: tuple[str, ...] = tuple(
     f"{kind}/{number}" for kind in _KINDS for number in range(NUMBERS)
 )
-"""Every id, in a fixed order: recipes draw from it."""
+"""All ids in a fixed order; random draws of a texture depend on this order."""

@@ -1,4 +1,4 @@
-"""Tuples of numbers in records; without NumPy, so that a config loads fast."""
+"""Types of number tuples in records; no import of NumPy, so that a config loads fast."""
 
 from __future__ import annotations
 

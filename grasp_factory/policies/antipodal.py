@@ -1,4 +1,4 @@
-"""Antipodal grasps of six degrees of freedom, from the target's surface in the depth images."""
+"""The policy ``antipodal``: 6-DoF antipodal grasps from the target's surface in depth images."""
 
 from __future__ import annotations
 
@@ -23,35 +23,43 @@ from grasp_factory.policies.surface import Surface, joined, outline, seen_surfac
 from grasp_factory.policies.top_down import TOP_DOWN, TopDownParameters
 
 CONTACTS = 150
-"""Contacts that are tried on the visible surface, and as many on the walls below its outline."""
+"""Number of contacts on the visible surface, and as many on the walls below its outline."""
 SURFACE = 1500
-"""Largest number of points of the visible surface that are used, and of its walls."""
+"""Largest number of points of the visible surface, and as many of its walls."""
 PAIRS = 50
-"""Pairs of contacts for which poses are tried."""
+"""Largest number of contact pairs for which poses are tried."""
 ROLLS = (0.0, 0.6, -0.6)
-"""Turns about the closing axis, as shares of the widest that the tilt allows, until one fits."""
-MARGIN = 0.004
-"""Metres between the open gripper and all that it must not touch: half a column of the solid,
-and what the arm may stray from its path."""
-RANKED = 8
-"""Grasps that are proposed, the best first."""
+"""Rotations about the closing axis, as shares of the largest that the tilt allows.
 
-# A logistic regression of success on 477 executed random candidates (92 % held), for 700 episodes
-# of train blobs with the KUKA at 20 N; the area under its curve is 0.82. Of 176 candidates whose
-# patches lie beyond the friction cone, which are not proposed, 64 % held.
+They are tried in this order until one fits.
+"""
+MARGIN = 0.004
+"""Smallest distance between the open gripper and obstacles, metres.
+
+It covers half the side of a solid column and the deviation of the arm from its path.
+"""
+RANKED = 8
+"""Largest number of proposed grasps, the best first."""
+
+# Coefficients of a logistic regression of success on 477 executed random candidates (92 % held),
+# from 700 episodes of train blobs with the KUKA at 20 N; the area under the ROC curve is 0.82. Of
+# 176 candidates with patches outside the friction cone, which are not proposed, 64 % held.
 LOG_ODDS = 4.8
 PER_ANGLE = -1.5
-"""Per radian between the worse patch's normal and the closing axis."""
+"""Per radian of the angle between the worse patch's normal and the closing axis."""
 PER_SIZE = 6000.0
-"""Per square metre of the smaller patch."""
+"""Per square metre of the smaller patch's area."""
 LARGEST_SIZE = 4e-4
-"""Square metres, of which a pad of the iiwa has 9.7e-4: beyond, 98 % held."""
+"""Square metres: larger patches count as this size; 98 % of them held. An iiwa pad has 9.7e-4."""
 PER_DISTANCE = -38.0
-"""Per metre, seen from above, between the middle of the patches and the centroid."""
+"""Per metre of horizontal distance between the midpoint of the patches and the centroid."""
 PER_TILT = -1.1
-"""Per radian between the approach and straight down."""
+"""Per radian of the angle between the approach axis and straight down."""
 PER_SPAN = -40.0
-"""Per metre between the patches: wide targets leave the pads little room for what is unseen."""
+"""Per metre of distance between the patches.
+
+Wide targets leave the pads little space for surfaces that the cameras do not see.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,13 +67,13 @@ class AntipodalParameters:
     """Settings of ``antipodal``."""
 
     friction: float = 0.5
-    """Coulomb coefficient: both contacts' normals lie within its arc tangent from the axis."""
+    """Coulomb coefficient; its arc tangent is the largest angle between a normal and the axis."""
     tilt_deg: float = 30.0
-    """Largest angle between the approach and straight down, degrees."""
+    """Largest angle between the approach axis and straight down, degrees."""
     finger_clearance: float = 0.008
-    """Metres that each pad stays clear of the target on the approach, at the least."""
+    """Smallest distance between each pad and the target on the approach, metres."""
     opening_margin: float = 0.015
-    """Metres that each pad stays clear of it where the gripper opens far enough."""
+    """The same where the gripper can open far enough, metres."""
 
     def __post_init__(self) -> None:
         check_range(self, "friction", 0.05, 2.0)
@@ -75,10 +83,10 @@ class AntipodalParameters:
 
 
 def plan(view: SceneView, rng: np.random.Generator, settings: AntipodalParameters) -> GraspPlan:
-    """Return grasps across opposed contacts, those first that are most likely to hold.
+    """Return antipodal grasps, the most likely to hold first.
 
-    Where the images show no such pair that the gripper can get at, the grasps are ``top_down``'s
-    and bear its name.
+    If the images show no antipodal pair that the gripper can reach, the grasps are those of
+    ``top_down``, with its name as the proposer.
     """
     scene = _Scene.seen_in(view, settings)
     grasps = [] if scene is None else list(scene.grasps())
@@ -92,21 +100,21 @@ def plan(view: SceneView, rng: np.random.Generator, settings: AntipodalParameter
 
 @dataclass(frozen=True, slots=True)
 class _Scene:
-    """The target as the images show it, and the gripper that will grasp it."""
+    """The target and the obstacles as the images show them."""
 
     view: SceneView
     settings: AntipodalParameters
     seen: Surface
     walls: Surface
-    """Unseen: assumed to be vertical below the outline of the visible surface."""
+    """Invisible surface, assumed to be vertical below the outline of the visible surface."""
     obstacles: Array
-    """(N, 3) metres, world: points that fill all objects."""
+    """(N, 3) metres, world frame: points that fill all objects."""
     centroid: Array
-    """(3,) metres, world: the target's, if it were solid below its visible surface."""
+    """(3,) metres, world frame: the target's centroid if it is solid below its visible surface."""
 
     @classmethod
     def seen_in(cls, view: SceneView, settings: AntipodalParameters) -> _Scene | None:
-        """Return the scene of a view, or None when it shows too little of the target."""
+        """Return the scene of a view, or None if it shows too little of the target."""
         seen, edge = seen_surface(view), outline(view)
         known = np.vstack([seen.points, edge.points])
         if not len(known):
@@ -116,7 +124,7 @@ class _Scene:
         return cls(view, settings, seen, walls, obstacles, SolidColumns.under(known).centroid())
 
     def grasps(self) -> Iterator[Grasp]:
-        """Yield one grasp for each pair of contacts that the open gripper can get at."""
+        """Yield one grasp for each pair of contacts that the open gripper can reach."""
         settings, tilt = self.settings, math.radians(self.settings.tilt_deg)
         steepest = min(math.pi / 2.0, float(arctan2(settings.friction, 1.0)) + tilt)
         steep = self.seen.where(np.abs(self.seen.normals[:, 2]) <= sincos(steepest)[0])
@@ -137,7 +145,7 @@ class _Scene:
                 yield found
 
     def _aim(self) -> Array:
-        """Return the centroid (3,), raised until the palm is above the visible surface."""
+        """Return the centroid (3,), metres, raised until the palm is above the visible surface."""
         under_palm = (
             float(self.seen.points[:, 2].max(initial=0.0)) - self.view.gripper.palm_distance
         )
@@ -145,10 +153,10 @@ class _Scene:
         return np.array([x, y, max(z, under_palm + 2.0 * MARGIN)])
 
     def _grasp(self, surface: Surface, middle: Array, closing: Array, roll: float) -> Grasp | None:
-        """Return the grasp along a closing axis.
+        """Return the grasp along a closing axis, or None if it is impossible.
 
-        None when the pads, which are no points, would meet the target elsewhere and outside the
-        friction cone, or when the open gripper does not fit around it.
+        It is impossible if the pads, which are areas and not points, first touch the target at
+        other places outside the friction cone, or if the open gripper does not fit around it.
         """
         gripper, settings = self.view.gripper, self.settings
         down = np.array(
@@ -173,7 +181,7 @@ class _Scene:
 
 
 def log_odds(grip: Grip, centroid: Array, approach: Array) -> float:
-    """Return the logarithm of the odds that a grasp holds, success to failure."""
+    """Return the log odds that a grasp holds: log(p / (1 - p)) of its probability p."""
     return float(
         LOG_ODDS
         + PER_ANGLE * grip.angle

@@ -1,4 +1,4 @@
-"""The contract of a policy: a pure function from a view of the scene to ranked grasps."""
+"""The interface of policies (a pure function from a view to ranked grasps), and shared helpers."""
 
 from __future__ import annotations
 
@@ -17,36 +17,37 @@ from grasp_factory.core.serialization import from_plain
 from grasp_factory.errors import ConfigError
 
 TIP_CLEARANCE = 0.005
-"""Metres that planned fingertips stay above the table."""
+"""Smallest distance between planned fingertips and the table, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """One way to choose grasps. It never sees the simulator."""
+    """A method to choose grasps. It has no access to the simulator."""
 
     name: str
     description: str
     parameters: type[Any]
-    """A frozen dataclass whose fields, all with defaults, are the policy's settings.
+    """A frozen dataclass of the policy's settings; all fields have defaults.
 
-    A field ``model`` is the SHA-256 of a trained model, which datasets then carry."""
+    A field ``model`` is the SHA-256 of a trained model; datasets then contain this model.
+    """
     plan: Callable[[SceneView, np.random.Generator, Any], GraspPlan]
-    """From a view, a random generator and an instance of ``parameters`` to ranked grasps."""
+    """Returns ranked grasps for a view, a random generator and an instance of ``parameters``."""
 
     def settings(self, plain: Mapping[str, Any]) -> Any:
         """Return ``parameters`` from plain data; missing keys take their defaults.
 
         Raises:
-            ConfigError: naming the key, what it got and what is valid.
+            ConfigError: naming the key, the value and the valid values.
         """
         return from_plain(self.parameters, plain, f"policy_parameters.{self.name}")
 
 
 def inner_settings(policy: Policy, plain: Mapping[str, Any], key: str) -> Any:
-    """Return the settings of a policy that another one builds on, from plain data under ``key``.
+    """Return the settings of a policy that another policy uses, from plain data under ``key``.
 
     Raises:
-        ConfigError: naming the key, what it got and what is valid.
+        ConfigError: naming the key, the value and the valid values.
     """
     try:
         return from_plain(policy.parameters, plain)
@@ -62,11 +63,11 @@ def target_points(view: SceneView) -> Array:
 def visible_points(
     view: SceneView, chosen: Callable[[NDArray[np.uint8]], NDArray[np.bool_]]
 ) -> Array:
-    """Return the visible points (K, 3) of the labels ``chosen``, world, metres, over all cameras.
+    """Return the visible points (K, 3) with chosen labels, world frame, metres, over all cameras.
 
     Args:
-        view: What is seen.
-        chosen: From labels to which of them are meant.
+        view: The view of the scene.
+        chosen: Returns for an array of labels which of them are chosen.
     """
     clouds = [np.zeros((0, 3))]
     for image in view.images.values():
@@ -87,7 +88,7 @@ def downward(closing: Array) -> Array:
     """Return the rotations (..., 3, 3) that approach straight down and close along ``closing``.
 
     Args:
-        closing: Unit vectors (..., 2), seen from above.
+        closing: Horizontal unit vectors (..., 2): x and y in the world frame.
     """
     R = np.zeros((*closing.shape[:-1], 3, 3))
     cosine, sine = closing[..., 0], closing[..., 1]

@@ -1,4 +1,4 @@
-"""Downward grasps about the target, drawn as those were that models of grasps are trained on."""
+"""Random downward grasps around the target, with the distribution of the training data."""
 
 from __future__ import annotations
 
@@ -14,31 +14,34 @@ from grasp_factory.policies.base import TIP_CLEARANCE, downward
 from grasp_factory.policies.top_down import grasp_height
 
 POINTS = 4000
-"""Points of the target that are used, evenly spaced in their order."""
+"""Largest number of points of the target that are used, evenly spaced in their order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Region:
-    """Where grasps may be: the target as it is seen, and the gripper that shall go there."""
+    """The region of possible grasps: the target's visible points and the gripper."""
 
     points: Array
-    """(N, 3) metres, world: at least one, of the target."""
+    """(N, 3) metres, world frame: at least one point of the target."""
     gripper: Gripper
 
     @property
     def middle(self) -> Array:
-        """The middle of the box about the points, seen from above, (2,)."""
+        """Centre of the bounding box of the points, x and y (2,), metres, world frame."""
         return np.asarray(self.points[:, :2].min(axis=0) + self.points[:, :2].max(axis=0)) / 2.0
 
     @property
     def heights(self) -> tuple[float, float]:
-        """The lowest and the highest TCP: tips off the table, and the target's highest point."""
+        """The lowest and the highest TCP height, metres.
+
+        At the lowest the tips are just above the table; the highest is the target's highest point.
+        """
         deepest = self.gripper.tip_distance + TIP_CLEARANCE
         return deepest, max(deepest, float(self.points[:, 2].max()))
 
     @classmethod
     def around(cls, points: Array, gripper: Gripper) -> Region:
-        """Return the region of a target with these points (N, 3)."""
+        """Return the region for a target with points (N, 3), metres, world frame."""
         rows = np.linspace(0, len(points) - 1, min(len(points), POINTS)).astype(int)
         return cls(points=points[rows], gripper=gripper)
 
@@ -48,17 +51,17 @@ class Candidates:
     """Downward grasps."""
 
     tcp: Array
-    """(K, 3) metres, world."""
+    """Position of the TCP, (K, 3) metres, world frame."""
     yaw: Array
-    """(K,) rad: the closing direction, seen from above."""
+    """(K,) rad: angle of the closing direction about the world's z axis."""
     width: Array
-    """(K,) metres between the pads before closing."""
+    """(K,) distance between the pads before closing, metres."""
 
     def __len__(self) -> int:
         return len(self.tcp)
 
     def poses(self) -> Array:
-        """Return ``T_world_tcp`` of each, (K, 4, 4)."""
+        """Return ``T_world_tcp`` of each grasp, (K, 4, 4)."""
         sine, cosine = sincos(self.yaw)
         poses = np.zeros((len(self), 4, 4))
         poses[:, :3, :3] = downward(np.column_stack([cosine, sine]))
@@ -66,11 +69,11 @@ class Candidates:
         return poses
 
     def take(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> Candidates:
-        """Return those that rows or a mask choose."""
+        """Return the grasps that indices or a mask select."""
         return Candidates(self.tcp[rows], self.yaw[rows], self.width[rows])
 
     def joined(self, others: Candidates) -> Candidates:
-        """Return these and then the others."""
+        """Return these grasps followed by the others."""
         return Candidates(
             np.concatenate([self.tcp, others.tcp]),
             np.concatenate([self.yaw, others.yaw]),
@@ -79,13 +82,15 @@ class Candidates:
 
 
 def draw_open(region: Region, rng: np.random.Generator, count: int, aim: float) -> Candidates:
-    """Draw grasps of the fully open gripper with any aim, yaw and depth, as ``uniform`` does.
+    """Return random grasps of the fully open gripper with uniform aim, yaw and depth.
+
+    They have the distribution of the policy ``uniform``.
 
     Args:
-        region: Where.
-        rng: What they are drawn from.
-        count: How many.
-        aim: Half the side of the square about the target's middle that they aim into, metres.
+        region: The region of possible grasps.
+        rng: The random generator.
+        count: The number of grasps.
+        aim: Half the side of the square around the target's centre in which they aim, metres.
     """
     return Candidates(
         np.column_stack(
@@ -103,15 +108,17 @@ def draw_fitted(
     region: Region, rng: np.random.Generator, count: int, *, aim: float, clearance: float,
     margin: float,
 ) -> Candidates:  # fmt: skip
-    """Draw grasps about what the gripper spans, half way up, as ``top_down`` does, at any yaw.
+    """Return random grasps centred on the part of the target between the pads, with uniform yaw.
+
+    Height and width are chosen like those of the policy ``top_down``.
 
     Args:
-        region: Where.
-        rng: What they are drawn from.
-        count: How many.
-        aim: How far from the target's middle they may be, across the closing direction, metres.
-        clearance: Of the pads from the target at the sides along which they go down, metres.
-        margin: That each pad keeps from the target where the gripper opens far enough, metres.
+        region: The region of possible grasps.
+        rng: The random generator.
+        count: The number of grasps.
+        aim: Largest offset from the target's centre across the closing direction, metres.
+        clearance: Added to half the pad's breadth on each side of the strip of points, metres.
+        margin: Distance between each pad and the target if the gripper opens far enough, metres.
     """
     yaw = rng.uniform(-np.pi / 2.0, np.pi / 2.0, size=count)
     offset = rng.uniform(-aim, aim, size=count)

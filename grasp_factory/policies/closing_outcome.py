@@ -1,4 +1,4 @@
-"""What the pads would meet when they close, and how likely it is to hold."""
+"""The contacts of the pads with a surface when the gripper closes."""
 
 from __future__ import annotations
 
@@ -13,29 +13,32 @@ from grasp_factory.core.linear import norm, turned_back
 from grasp_factory.policies.surface import Surface
 
 PATCH_DEPTH = 0.003
-"""Metres behind the foremost point that still count as touched: surfaces are seen coarsely."""
+"""Points up to this distance (metres) behind the first contact count as touched.
+
+The resolution of the seen surfaces is coarse.
+"""
 POINT_SIZE = 0.002
-"""Metres: the size of the patch that one point of a surface represents."""
+"""Side of the patch that one point of a surface represents, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """The two patches that the pads meet first."""
+    """The two patches of the surface that the pads touch first."""
 
     shift: float
-    """Metres along the closing axis from the TCP to the middle between them."""
+    """Distance along the closing axis from the TCP to the midpoint of the patches, metres."""
     span: float
-    """Metres between them."""
+    """Distance between the patches along the closing axis, metres."""
     angle: float
     """The larger angle between a patch's mean normal and the closing axis, rad."""
     size: float
-    """The smaller patch's bounding rectangle on its pad, square metres."""
+    """Area of the smaller patch's bounding rectangle on its pad, square metres."""
     middle: Array
-    """(3,) metres, world: the middle between the patches."""
+    """(3,) metres, world frame: the midpoint between the patches."""
 
 
 def close_on(surface: Surface, T_world_tcp: Array, gripper: Gripper) -> Grip | None:
-    """Return the contacts of the pads, or None when one of them touches nothing."""
+    """Return the contacts of the pads, or None if one of them touches nothing."""
     local = apply(inverse(T_world_tcp), surface.points)
     half_breadth, half_height = gripper.pad_size[0] / 2.0, gripper.pad_size[1] / 2.0
     between = (np.abs(local[:, 0]) < half_breadth) & (np.abs(local[:, 2]) < half_height)
@@ -63,7 +66,10 @@ class _Patch:
 
 
 def _meet(points: Array, normals: Array, side: float) -> _Patch | None:
-    """Return what the pad on one side of the closing axis meets, TCP frame."""
+    """Return the patch that the pad on one side (1 or -1 along y) touches, TCP frame.
+
+    None if it touches nothing.
+    """
     facing = side * normals[:, 1] > 0.0
     points, normals = points[facing], normals[facing]
     if not len(points):

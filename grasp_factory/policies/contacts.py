@@ -1,4 +1,4 @@
-"""Pairs of contacts on a surface that two pads can press on without slipping."""
+"""Antipodal pairs: two contacts on a surface on which pads can press without slipping."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from grasp_factory.core.linear import length, norm
 from grasp_factory.policies.surface import Surface
 
 CELL = 0.008
-"""Metres, and ``CELL_YAW_DEG`` degrees: of pairs that are closer than this, the best is kept."""
+"""Size of a cell of similar pairs, metres; only the best pair of each cell is kept."""
 CELL_YAW_DEG = 10.0
+"""The same for the yaw of the closing axis, degrees."""
 CELL_RISE = 0.2
-"""As above, for the sine of the closing axis's elevation."""
+"""The same for the sine of the closing axis's elevation."""
 SHORTEST = 0.004
-"""Metres: contacts that lie closer together, seen from above, are one edge seen twice."""
+"""Smallest horizontal distance of two contacts, metres; closer ones are the same edge."""
 LEVER_SCALE = 0.03
-"""Metres that count as much as one radian when pairs are ranked before they are checked."""
+"""Distance, in metres, that counts as much as one radian in the ranking of pairs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """Closing axes with the middles between their contacts, the most promising first."""
+    """Closing axes and the midpoints between their contacts, the most promising pair first."""
 
     middles: Array
     """(K, 3) metres, world."""
@@ -37,15 +38,15 @@ class Pairs:
 def antipodal_pairs(
     contacts: Surface, *, aim: Array, longest: float, friction: float, steepest: float
 ) -> Pairs:
-    """Return the pairs whose two normals lie within the friction cone about the closing axis.
+    """Return the pairs whose two normals are within the friction cone about the closing axis.
 
     Args:
-        contacts: Where pads may touch.
-        aim: Where closing axes pass at best, (3,) metres.
-        longest: Metres that the gripper can span.
+        contacts: Points and normals where pads may touch.
+        aim: Point through which closing axes should pass, (3,) metres.
+        longest: Largest horizontal distance of two contacts, metres.
         friction: Coulomb coefficient; the cone's half-angle is its arc tangent.
-        steepest: Largest elevation of a closing axis, rad. Pads are areas, so contacts at
-            different heights can be closed on along a flatter axis.
+        steepest: Largest elevation of a closing axis, rad. Pads are areas, so the gripper can
+            close on contacts at different heights along an axis that is less steep.
     """
     P, N = contacts.points, contacts.normals
     i, j = np.triu_indices(len(P), 1)
@@ -66,12 +67,12 @@ def antipodal_pairs(
 
 
 def _flattened(way: Array, level: Array, steepest: float) -> Array:
-    """Return unit axes (K, 3) along ways, or at the elevation ``steepest`` where these are steeper.
+    """Return unit axes (K, 3) along ``way``, with the elevation limited to ``steepest``.
 
     Args:
-        way: (K, 3), not vertical.
+        way: Vectors from the first to the second contact, (K, 3), not vertical.
         level: The lengths of their horizontal parts, (K,).
-        steepest: Rad.
+        steepest: Largest elevation, rad.
     """
     sine, cosine = (float(v) for v in sincos(steepest))
     axes = way / norm(way)[:, None]
@@ -82,7 +83,7 @@ def _flattened(way: Array, level: Array, steepest: float) -> Array:
 
 
 def _one_of_each(middles: Array, axes: Array, order: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the first of each cell of similar pairs, in the given order."""
+    """Return the indices of the first pair of each cell, in the given order."""
     yaw = arctan2(axes[:, 1], axes[:, 0]) % math.pi
     cells = np.column_stack(
         [

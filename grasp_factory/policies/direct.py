@@ -1,4 +1,7 @@
-"""The policies that look for themselves: the others build on them. A new one is a row below."""
+"""The table of policies that use no other policy; the others can use these.
+
+A new policy is a row of the table.
+"""
 
 from __future__ import annotations
 

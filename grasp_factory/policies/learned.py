@@ -1,4 +1,4 @@
-"""Random grasps, ranked by a trained model: the most probable first, or the most uncertain."""
+"""The policy ``learned``: random grasps, ranked by the predictions of a trained model."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ PREFERENCES: Mapping[str, Callable[[Array], Array]] = {
     "uncertain": np.abs,
     "random": np.zeros_like,
 }
-"""From log odds (K,) to sort keys, ascending; ties keep the order in which they were drawn."""
+"""Functions from log odds (K,) to ascending sort keys; equal keys keep the order of drawing."""
 SUREST = 13.8
-"""Log odds are cut off here: a probability of one in a million is as good as none."""
+"""Log odds are clipped to this absolute value: a probability of 1e-6 counts like 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,17 +35,18 @@ class LearnedParameters:
     model: str = ""
     """SHA-256 of the file of an imported model; there is no default."""
     candidates: int = 64
-    """Grasps that are drawn for the model to judge."""
+    """Number of random grasps that the model ranks."""
     fitted: float = 0.5
-    """Share of them whose middle and width fit what the gripper spans; the others are as those of
-    ``uniform``."""
+    """Share of them whose centre and width fit the target; the others are like ``uniform``'s."""
     aim_noise: float = 0.035
-    """Metres: half the side of the square around the target's middle that these others aim into."""
+    """Half the side of the square around the target's centre in which the others aim, metres."""
     prefer: str = "best"
-    """What comes first: ``best``, the most probable; ``uncertain``, a probability near a half; or
-    ``random``."""
+    """The order of the grasps.
+
+    ``best``: the most probable first; ``uncertain``: a probability near 0.5 first; ``random``.
+    """
     ranked: int = 8
-    """Grasps that are proposed."""
+    """Largest number of proposed grasps."""
 
     def __post_init__(self) -> None:
         valid = "the SHA-256 of a trained model's file, which --model FILE imports and sets"
@@ -58,10 +59,9 @@ class LearnedParameters:
 
 
 def plan(view: SceneView, rng: np.random.Generator, settings: LearnedParameters) -> GraspPlan:
-    """Return drawn grasps in the order of preference; the score is the log odds to hold.
+    """Return random grasps in the order of preference; the score is the log odds of success.
 
-    Grasps at which the gripper would touch another object are left out, unless all
-    are such.
+    Grasps at which the gripper would touch another object are left out, unless all grasps would.
 
     Raises:
         ConfigError: if this machine has not imported the model.
@@ -81,7 +81,7 @@ def plan(view: SceneView, rng: np.random.Generator, settings: LearnedParameters)
 
 
 def _drawn(region: Region, rng: np.random.Generator, settings: LearnedParameters) -> Candidates:
-    """Return the candidates of both kinds, mixed."""
+    """Return the fitted and the other candidates in random order."""
     fitted = round(settings.fitted * settings.candidates)
     gap = TopDownParameters()
     found = draw_open(region, rng, settings.candidates - fitted, settings.aim_noise).joined(
@@ -94,7 +94,7 @@ def _drawn(region: Region, rng: np.random.Generator, settings: LearnedParameters
 
 
 def _free(view: SceneView, found: Candidates) -> Candidates:
-    """Return the grasps that touch no other object, or all if there are no such grasps."""
+    """Return the grasps that touch no other object, or all grasps if each of them touches one."""
     neighbors = visible_points(view, lambda labels: labels > view.target_label)[::THINNING]
     if not len(neighbors):
         return found
@@ -107,7 +107,7 @@ def _free(view: SceneView, found: Candidates) -> Candidates:
 
 
 def _log_odds(view: SceneView, found: Candidates, model: GraspModel) -> Array:
-    """Return the logarithm of the odds that each grasp holds, (K,)."""
+    """Return the log odds that each grasp holds, (K,)."""
     inputs = grasp_inputs(view, found.poses(), found.width, model.crop)
     return np.clip(model.log_odds(inputs), -SUREST, SUREST)
 

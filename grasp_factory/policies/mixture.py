@@ -1,4 +1,4 @@
-"""One of several policies, drawn for each episode."""
+"""The policy ``mixture``: one of several policies, drawn for each episode."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from grasp_factory.policies.direct import DIRECT
 from grasp_factory.policies.perturbed import PERTURBED
 
 PARTS: Mapping[str, Policy] = {**DIRECT, PERTURBED.name: PERTURBED}
-"""What may be mixed."""
+"""The policies that may be parts of a mixture, by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +26,7 @@ class MixtureParameters:
     weights: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(DIRECT, 1.0))
     """Policy name to weight."""
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Policy name to its own settings; missing keys take the policy's defaults."""
+    """Policy name to settings of that policy; missing keys take the policy's defaults."""
 
     def __post_init__(self) -> None:
         for name in self.weights:
@@ -36,7 +36,7 @@ class MixtureParameters:
         shares = list(self.weights.values())
         ok = len(shares) > 0 and min(shares) >= 0.0 and sum(shares) > 0.0
         check(ok, "weights", dict(self.weights), "names with weights >= 0, at least one above 0")
-        # A recipe holds every setting, those of the parts too.
+        # A recipe contains every setting, also those of the mixed policies.
         complete = {
             name: to_plain(
                 inner_settings(PARTS[name], self.parameters.get(name, {}), f"parameters.{name}")

@@ -1,4 +1,4 @@
-"""Trained models on this machine: imported into the cache, and found there by their SHA-256."""
+"""Import of trained models into this machine's cache, and loading them by their SHA-256."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from grasp_factory.errors import ConfigError, UsageError, shown
 from grasp_factory.policies.networks import GraspModel, load_model
 
 MAX_BYTES = 2**30
-"""Of a model's file."""
+"""Largest size of a model's file."""
 _LOADED = 4
-"""Models that a process holds."""
+"""Number of models that a process keeps in memory."""
 
 
 def import_model(file: Path) -> str:
-    """Put a model's file into the cache and return its SHA-256.
+    """Copy a model's file into the cache and return its SHA-256.
 
     Raises:
-        UsageError: if it cannot be read, or is no model that can rank grasps, or what loads it is
-            not installed.
+        UsageError: if the file cannot be read or is not a model that can rank grasps, or if torch
+            or safetensors is not installed.
     """
     require("torch", "safetensors", extra="train")
     try:
@@ -39,7 +39,7 @@ def import_model(file: Path) -> str:
 
 
 def keep(data: bytes) -> str:
-    """Put the bytes of a model's file into the cache and return their SHA-256.
+    """Write the bytes of a model's file into the cache and return their SHA-256.
 
     Raises:
         UsageError: if the cache cannot be written.
@@ -53,7 +53,7 @@ def read(sha256: str) -> bytes:
     """Return the bytes of an imported model's file.
 
     Raises:
-        ConfigError: if this machine's cache does not have it undamaged.
+        ConfigError: if the file is missing or damaged in this machine's cache.
     """
     data = read_checked(_path(sha256)) if is_digest(sha256) else None
     if data is None:
@@ -66,11 +66,12 @@ def read(sha256: str) -> bytes:
 
 @lru_cache(maxsize=_LOADED)
 def find_model(sha256: str) -> GraspModel:
-    """Return an imported model, loaded once in a process.
+    """Return an imported model; repeated calls in a process return the same one.
 
     Raises:
-        ConfigError: if this machine's cache does not have it undamaged.
-        UsageError: if it is no model that can rank grasps, or what loads it is not installed.
+        ConfigError: if the file is missing or damaged in this machine's cache.
+        UsageError: if it is not a model that can rank grasps, or if torch or safetensors is not
+            installed.
     """
     return load_model(read(sha256))
 

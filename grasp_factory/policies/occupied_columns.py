@@ -14,21 +14,21 @@ from grasp_factory.policies.base import visible_points
 CELL = 0.004
 """Metres: side of a column."""
 LEVEL = 0.010
-"""Metres between a column's points, one above the other."""
+"""Vertical distance between the points of a column, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class SolidColumns:
-    """Square columns from the table to the highest point that is seen above their middle."""
+    """Square columns from the table to the highest visible point in each column."""
 
     xy: Array
-    """(K, 2) metres, world, their middles."""
+    """(K, 2) metres, world frame: the centres of the columns."""
     tops: Array
-    """(K,) metres."""
+    """(K,) metres: the heights of the columns."""
 
     @classmethod
     def under(cls, points: Array) -> SolidColumns:
-        """Return the columns under points (N, 3)."""
+        """Return the columns under points (N, 3), world frame, metres."""
         if not len(points):
             return cls(np.zeros((0, 2)), np.zeros(0))
         cells = np.floor(points[:, :2] / CELL).astype(np.int64)
@@ -42,14 +42,14 @@ class SolidColumns:
         return cls((indices + 0.5) * CELL, tops)
 
     def centroid(self) -> Array:
-        """Return the middle of their volume, (3,) metres."""
-        weights = self.tops + 1e-9  # flat as the table is an area at least
+        """Return the centroid of the columns' volume, (3,) metres, world frame."""
+        weights = self.tops + 1e-9  # columns of height 0 still count by their area
         weights /= weights.sum()
         x, y = (weights[:, None] * self.xy).sum(axis=0)
         return np.array([x, y, (weights * self.tops).sum() / 2.0])
 
     def points(self) -> Array:
-        """Return points (N, 3) that fill them, ``LEVEL`` apart, their tops among them."""
+        """Return points (N, 3) that fill the columns, ``LEVEL`` apart, including the tops."""
         counts = np.floor(self.tops / LEVEL).astype(int) + 1
         rows = np.repeat(np.arange(len(self.tops)), counts)
         below = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -1,4 +1,7 @@
-"""Another policy's grasps with noise on their poses: hard negatives, close to grasps that hold."""
+"""The policy ``perturbed``: another policy's grasps with noise on their poses.
+
+Many of these grasps fail although they are close to grasps that hold (hard negatives).
+"""
 
 from __future__ import annotations
 
@@ -38,13 +41,13 @@ class PerturbedParameters:
         check(self.base in DIRECT, "base", self.base, ", ".join(DIRECT))
         check_range(self, "position_sigma", 0.0, 0.2, "m")
         check_range(self, "rotation_sigma_deg", 0.0, 60.0, "degrees")
-        # A recipe holds every setting, those of the base too.
+        # A recipe contains every setting, also those of the base policy.
         inner = inner_settings(DIRECT[self.base], self.base_parameters, "base_parameters")
         object.__setattr__(self, "base_parameters", to_plain(inner))
 
 
 def plan(view: SceneView, rng: np.random.Generator, settings: PerturbedParameters) -> GraspPlan:
-    """Return the base's grasps in its order and with its scores, each with noise of its own."""
+    """Return the base policy's grasps, with its order and scores; each has independent noise."""
     base = DIRECT[settings.base]
     planned = base.plan(view, rng, base.settings(settings.base_parameters))
     return GraspPlan(
@@ -60,7 +63,7 @@ def plan(view: SceneView, rng: np.random.Generator, settings: PerturbedParameter
 def perturb(
     grasp: Grasp, gripper: Gripper, rng: np.random.Generator, settings: PerturbedParameters
 ) -> Grasp:
-    """Return the grasp moved and turned about its TCP; its fingertips stay off the table."""
+    """Return the grasp, randomly moved and rotated; its fingertips stay off the table."""
     T = grasp.T_world_tcp.copy()
     T[:3, 3] += settings.position_sigma * normal(rng, 3)
     turn = math.radians(settings.rotation_sigma_deg) * normal(rng, 3)

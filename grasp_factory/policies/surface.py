@@ -1,4 +1,4 @@
-"""The target's surface in one depth image: points with normals, and its outline."""
+"""The target's surface in depth images: points with normals, its outline, and assumed walls."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from grasp_factory.core.geometry import Array, apply
 from grasp_factory.core.linear import norm, turned, turned_back
 
 BASELINE = 2
-"""Pixels to either side over which a surface is differentiated."""
+"""Distance of the pixels to each side that are used for the surface's derivatives."""
 BEND = 0.005
-"""Metres by which a pixel's depth may miss the mean of its neighbours on a smooth surface; a plane
-seen at a glancing angle misses by nothing, however steep it is."""
+"""Largest difference between a pixel's depth and the mean of its neighbours on a smooth surface.
+
+Metres. For a plane the difference is about zero, even at a grazing angle.
+"""
 JUMP = 0.010
-"""Metres of depth between neighbouring pixels that separate the target from its background."""
+"""Smallest depth step between adjacent pixels that separates target and background, metres."""
 SOFTENING = 3
-"""Pixels to either side over which the outline is smoothed before its direction is taken."""
+"""Pixels to each side over which the mask is averaged before the outline's normal is computed."""
 WALL_STEP = 0.005
-"""Metres between the points of a wall, one above the other."""
+"""Vertical distance between the points of a wall, metres."""
 LEAST_SLOPE = 0.2
-"""An outline whose normal has a shorter horizontal part has no wall below it."""
+"""Smallest length of the horizontal part of the unit normal; otherwise there is no wall below."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,7 @@ class Surface:
         return Surface(self.points[rows], self.normals[rows])
 
     def where(self, rows: NDArray[np.bool_]) -> Surface:
-        """Return the points that a mask (K,) chooses."""
+        """Return the points that a mask (K,) selects."""
         return Surface(self.points[rows], self.normals[rows])
 
 
@@ -74,10 +76,11 @@ def walls_below(edge: Surface) -> Surface:
 
 
 def outline(view: SceneView) -> Surface:
-    """Return where the target's visible surface ends against something farther away.
+    """Return the outline: where the visible surface ends and the background is farther away.
 
-    Behind it the surface is unseen. The normals are those of a vertical wall below the outline:
-    the plane of the view ray and the outline touches the body, its horizontal part is kept.
+    The surface behind it is not visible. The normals are those of a vertical wall below the
+    outline. The plane through the view ray and the outline is tangent to the body; the normal is
+    the horizontal part of this plane's normal.
     """
     return joined([_outline(crop) for crop in _crops(view)])
 
@@ -87,9 +90,9 @@ class _Crop:
     """The part of an image around the target."""
 
     points: Array
-    """(h, w, 3) camera frame, metres."""
+    """(h, w, 3) metres, camera frame."""
     mask: NDArray[np.bool_]
-    """(h, w) where the target is."""
+    """(h, w), true at the target's pixels."""
     intrinsics: Array
     """(3, 3) of the crop."""
     T_world_camera: Array
@@ -104,7 +107,7 @@ def _crops(view: SceneView) -> list[_Crop]:
 
 
 def _crop(image: CameraImage, mask: NDArray[np.bool_]) -> _Crop:
-    """Cut out the target with a border that both differentiations need."""
+    """Return the crop around the target, with the border that the derivatives need."""
     border = SOFTENING + 2
     v, u = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     top, left = max(0, v[0] - border), max(0, u[0] - border)
@@ -116,7 +119,7 @@ def _crop(image: CameraImage, mask: NDArray[np.bool_]) -> _Crop:
 
 
 def _seen(crop: _Crop) -> Surface:
-    """Return points and normals from central differences that stay on one surface."""
+    """Return points with normals from central differences, where all pixels are on one surface."""
     s = BASELINE
     P, inner = crop.points, np.s_[s:-s, s:-s]
     if min(P.shape[:2]) <= 2 * s:
@@ -140,13 +143,13 @@ def _seen(crop: _Crop) -> Surface:
 
 
 def _outline(crop: _Crop) -> Surface:
-    """Return the last pixels before something farther, with horizontal normals."""
+    """Return the last pixels before a farther background, with horizontal normals."""
     mask, depth = crop.mask, crop.points[..., 2]
     ends = np.zeros_like(mask)
     for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
         beyond = np.roll(depth, step, axis) - depth > JUMP
         ends |= mask & ~np.roll(mask, step, axis) & beyond
-    ends[[0, -1], :] = ends[:, [0, -1]] = False  # there the image ends, or np.roll wraps around
+    ends[[0, -1], :] = ends[:, [0, -1]] = False  # here the image ends or np.roll wraps around
     v, u = np.nonzero(ends)
     soft = _softened(mask)
     b, a = (-np.asarray(np.gradient(soft, axis=axis))[v, u] for axis in (0, 1))  # outwards

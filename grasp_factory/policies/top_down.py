@@ -1,4 +1,4 @@
-"""Downward grasps across narrow places of the target that the depth image shows."""
+"""The policy ``top_down``: downward grasps across narrow parts of the target in depth images."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from grasp_factory.policies.base import (
 from grasp_factory.policies.clearance import is_hit, open_gripper
 
 YAWS = 24
-"""Closing directions that are tried, 7.5 degrees apart over half a turn."""
+"""Number of closing directions that are tried, 7.5 degrees apart over half a turn."""
 DIRECTIONS = np.column_stack(sincos(np.arange(YAWS) * np.pi / YAWS)[::-1])
-"""They as unit vectors seen from above, (24, 2)."""
+"""The closing directions as horizontal unit vectors: x and y in the world frame, (24, 2)."""
 OFFSETS = (-0.02, -0.01, 0.0, 0.01, 0.02)
-"""Metres from the target's middle, across the closing direction, at which it may be grasped."""
+"""Offsets of grasps from the target's centre, across the closing direction, metres."""
 RANKED = 8
-"""Grasps that are proposed, the best first."""
+"""Largest number of proposed grasps, the best first."""
 THINNING = 7
-"""One in so many visible points of other objects is checked; points are about 1 mm apart."""
+"""Only every n-th visible point of other objects is checked; points are about 1 mm apart."""
 CLEARANCE = 0.003
-"""Metres that the gripper shall keep from them."""
+"""Smallest distance between the gripper and points of other objects, metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,9 +39,9 @@ class TopDownParameters:
     """Settings of ``top_down``."""
 
     finger_clearance: float = 0.008
-    """Metres that each pad stays clear of the target on the approach, at the least."""
+    """Smallest distance between each pad and the target on the approach, metres."""
     opening_margin: float = 0.015
-    """Metres that each pad stays clear of it where the gripper opens far enough."""
+    """The same where the gripper can open far enough, metres."""
 
     def __post_init__(self) -> None:
         check_range(self, "finger_clearance", 0.0, 0.05, "m")
@@ -49,12 +49,12 @@ class TopDownParameters:
 
 
 def plan(view: SceneView, rng: np.random.Generator, settings: TopDownParameters) -> GraspPlan:
-    """Return downward grasps, those first that span little and lie near the target's middle.
+    """Return downward grasps; those with a small span near the target's centre are first.
 
-    Grasps at which the gripper would touch a visible point of another object come last.
+    Grasps at which the gripper would touch a visible point of another object are last.
 
-    The target's visible points are cut into strips as wide as a finger; a strip's extent along
-    the closing direction is what the gripper must span there.
+    The target's visible points are divided into strips as wide as a finger. The gripper must span
+    the extent of a strip along the closing direction.
     """
     del rng  # the same view gives the same plan
     points = target_points(view)
@@ -70,7 +70,7 @@ def plan(view: SceneView, rng: np.random.Generator, settings: TopDownParameters)
 
 
 def _meets(grasp: Grasp, gripper: Gripper, points: Array) -> bool:
-    """Return whether the open gripper would be where the points (N, 3), world, are."""
+    """Return whether the open gripper would touch any of the points (N, 3), world frame."""
     if not len(points):
         return False
     at_tcp = apply(inverse(grasp.T_world_tcp), points)
@@ -80,7 +80,8 @@ def _meets(grasp: Grasp, gripper: Gripper, points: Array) -> bool:
 def grasp_height(top: float, gripper: Gripper) -> float:
     """Return the TCP height for a target whose highest point is at ``top``, metres.
 
-    Half way up the target, as far as the fingertips stay off the table and the palm off the top.
+    It is half of ``top``, or higher if the fingertips would touch the table or if the palm would
+    touch the target.
     """
     deepest = gripper.tip_distance + TIP_CLEARANCE
     under_palm = top - gripper.palm_distance + TIP_CLEARANCE
@@ -89,18 +90,19 @@ def grasp_height(top: float, gripper: Gripper) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Outline:
-    """What is seen of the target from above, and the gripper that shall go around it."""
+    """The target's visible points projected onto the table, and the gripper."""
 
     points: Array
-    """(K, 2) metres from ``middle``."""
+    """(K, 2) metres, x and y relative to ``middle``."""
     middle: Array
-    """(2,) metres, world."""
+    """(2,) metres, world frame: x and y of the target's centre."""
     z: float
+    """Height of the TCP, metres."""
     gripper: Gripper
     settings: TopDownParameters
 
     def along(self, closing: Array) -> list[Grasp]:
-        """Return the grasps that close along one direction, (2,)."""
+        """Return the grasps that close along one horizontal direction, (2,)."""
         cosine, sine = closing
         across = np.array([-sine, cosine])
         x, y = self.points[:, 0], self.points[:, 1]
@@ -115,7 +117,7 @@ class _Outline:
             low, high = float(strip.min()), float(strip.max())
             center, span = (low + high) / 2.0, high - low
             x, y = self.middle + center * closing + offset * across
-            # What does not fit is still proposed, last: a crowded plan beats none.
+            # A grasp that does not fit is still proposed, with a low score: an empty plan is worse.
             needed = span + 2.0 * self.settings.finger_clearance
             overshoot = max(0.0, needed - self.gripper.max_width)
             grasps.append(

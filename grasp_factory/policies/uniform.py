@@ -1,4 +1,4 @@
-"""Random grasps around the target: the classic random data collection, really executed."""
+"""The policy ``uniform``: random downward grasps around the target."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class UniformParameters:
     """Settings of ``uniform``."""
 
     aim_noise: float = 0.035
-    """Metres: half the side of the square around the target's middle in which the aim is drawn."""
+    """Half the side of the square around the target's centre in which the aim is drawn, metres."""
 
     def __post_init__(self) -> None:
         check_range(self, "aim_noise", 0.0, 0.5, "m")
@@ -25,7 +25,7 @@ class UniformParameters:
 def plan(view: SceneView, rng: np.random.Generator, settings: UniformParameters) -> GraspPlan:
     """Return one downward grasp with uniform aim, yaw and depth, and the gripper fully open.
 
-    The depth lies between the deepest that keeps the fingertips off the table and the target's
+    The TCP height is between the lowest at which the fingertips stay off the table and the target's
     highest visible point.
     """
     points = target_points(view)

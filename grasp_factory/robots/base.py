@@ -1,4 +1,4 @@
-"""A robot as data: one record, from which the driver, planners and readers take their facts."""
+"""The description of a robot as data, which the driver, planners and readers use."""
 
 from __future__ import annotations
 
@@ -16,57 +16,59 @@ from grasp_factory.robots.kinematics import Chain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotModel:
-    """A robot arm with a parallel gripper, as one articulated body standing at the origin.
+    """A robot arm with a parallel gripper: one articulated body whose base is at the origin.
 
-    All tool frames have parallel axes: +z approaches, +y closes, the left finger is at +y.
+    The axes of all tool frames are parallel: +z approaches, +y closes, the left finger is at +y.
     """
 
     name: str
     description: str
     urdf: str
-    """``assets/...`` in this package, or a path inside ``pybullet_data``."""
+    """Path of the URDF file: ``assets/...`` in ``robots``, or a path inside ``pybullet_data``."""
     file_inertia: bool
-    """Whether the URDF's inertias are to be trusted; otherwise they follow from the shapes."""
+    """Whether to use the URDF's inertias; otherwise they are computed from the shapes."""
     base_link: str
     tcp_link: str
     arm_joints: tuple[str, ...]
     finger_joints: tuple[str, str]
-    """Left, right; prismatic, 0 when closed, each moving half of the width."""
+    """Left, right: prismatic joints, 0 when closed; each moves half of the gripper width."""
     pad_links: tuple[str, str]
-    """Left, right: the links whose contacts are touch."""
+    """Left, right: the links whose contacts the tactile sensors measure."""
     pad_center: tuple[float, float, float]
-    """Centre of the left pad's face in its link's frame, metres; the right one mirrors y."""
+    """Centre of the left pad's face in its link's frame, metres; for the right pad y is negated."""
     ft_joint: str
     """The fixed joint at which the wrist's force-torque sensor measures."""
     first_tool_link: str
-    """Its child: this link and all after it are the tool and count as gripper in images."""
+    """Child link of ``ft_joint``; it and all links after it are the tool, labelled as gripper."""
     tool_mass: float
-    """kg beyond the sensor."""
+    """Mass of the links after the force-torque sensor, kg."""
     tool_com: tuple[float, float, float]
     """Centre of mass of the tool in the sensor's frame, metres."""
     home: tuple[float, ...]
-    """Joint positions, rad, that leave the workspace in view of the cameras."""
+    """Joint positions, rad, at which the arm does not hide the workspace from the cameras."""
     joint_velocity_limits: tuple[float, ...]
     """rad/s, datasheet."""
     joint_torque_limits: tuple[float, ...]
     """N m, datasheet."""
     gripper: Gripper
     pad_friction: float = 1.0
-    """Lateral friction of the pads; the pair's is the product with the object's, so 1 makes the
-    object's value the pair's."""
+    """Lateral friction coefficient of the pads.
+
+    A contact has the product of both bodies' coefficients, so with 1 it has the object's.
+    """
 
     def path(self) -> Path:
         """Return the URDF file.
 
         Raises:
-            MissingLibraryError: if PyBullet's data, which holds it, is not installed.
+            MissingLibraryError: if the file is part of PyBullet's data, which is not installed.
         """
         if self.urdf.startswith("assets/"):
             return folder_of("grasp_factory") / "robots" / self.urdf
         return folder_of("pybullet_data") / self.urdf
 
     def facts(self) -> dict[str, Any]:
-        """Return the facts that a reader of the data needs, as plain values for the store."""
+        """Return the facts that a user of the dataset needs, as plain values for the store."""
         return {
             "name": self.name,
             "description": self.description,

@@ -1,6 +1,7 @@
 """Inverse kinematics of a ``Chain`` within its joint limits; pure functions, no randomness.
 
-What one start of the ``descent`` cannot reach, restarts spread evenly over the joint box do.
+If the descent from one start posture does not reach a pose, it is repeated from other start
+postures that are spread evenly over the range of the joints.
 """
 
 from __future__ import annotations
@@ -25,40 +26,40 @@ from grasp_factory.robots.least_squares import (
 )
 
 SAME_SOLUTION = 0.1
-"""Postures whose joints all agree to this many rad count as one solution."""
+"""Postures whose joints all differ by at most this many rad count as one solution."""
 MAX_JOINT_STEP = 0.2
-"""Largest joint step in rad between waypoints; a change of branch moves a joint much farther."""
+"""Largest joint step between waypoints, rad; a change to another IK branch is much larger."""
 
-# Measured on 540 poses each, from all joints at a limit to singular arms: 23 % of restarts or
-# more reach every pose of the iiwa, 1 % or more every pose of the Panda.
+# Measured on 540 poses of each robot, including joints at limits and singular postures: for every
+# pose at least 23 % of the restarts succeed for the iiwa, at least 1 % for the Panda.
 _RESTARTS = (32, 128, 512)
 _SOLUTION_RESTARTS = 128
-_STRIDE = 3  # waypoints; at a centimetre each, a stride is far within where one step converges
-_RATIO_ITERATIONS = 16  # twice as many as it takes from 2 for any number of joints
+_STRIDE = 3  # waypoints; at 1 cm each, one step of the descent is accurate enough for this distance
+_RATIO_ITERATIONS = 16  # twice the number needed from the start value 2, for any number of joints
 
 
 @dataclass(frozen=True, slots=True)
 class IKResult:
-    """The best posture found for a pose, and how far its tip is from that pose."""
+    """The best posture found for a pose, and the remaining errors of its tip."""
 
     joint_positions: Array
-    """Within the joint limits; rad, shape (n,)."""
+    """Posture within the joint limits; rad, shape (n,)."""
     position_error: float
-    """Distance of the tip's origin; metres."""
+    """Distance from the tip's origin to the pose's; metres."""
     orientation_error: float
-    """Angle of the rotation still missing; rad, in [0, pi]."""
+    """Angle between the tip's orientation and the pose's; rad, in [0, pi]."""
     success: bool
-    """Whether both errors are within the tolerances of ``descent``."""
+    """Whether both errors are within the tolerances of ``least_squares``."""
 
 
 @dataclass(frozen=True, slots=True)
 class PathResult:
-    """The postures along a Cartesian path, up to the first waypoint that has none."""
+    """The postures along a Cartesian path, up to the first waypoint that the arm cannot reach."""
 
     joint_positions: Array
-    """One row for each solved waypoint; rad, shape (S, n), or fewer rows after a failure."""
+    """One row for each solved waypoint; rad, shape (S, n), with fewer rows after a failure."""
     failed_waypoint: int | None
-    """Index of the first waypoint that the arm cannot follow to; None when it follows all."""
+    """Index of the first waypoint that the arm cannot reach; None if it reaches all."""
 
     @property
     def success(self) -> bool:
@@ -69,13 +70,13 @@ class PathResult:
 def solve_ik(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> IKResult:
     """Return a posture whose tip is at ``T_base_tip`` (4, 4), preferably close to ``start`` (n,).
 
-    An unreachable pose gives the closest posture found, with ``success`` false.
+    For an unreachable pose the result is the closest posture found, with ``success`` false.
     """
     return solve_each(chain, np.asarray(T_base_tip, dtype=np.float64)[None], start)[0]
 
 
 def solve_each(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> list[IKResult]:
-    """Return what ``solve_ik`` returns for each of some poses (K, 4, 4), in less time."""
+    """Return the results of ``solve_ik`` for poses (K, 4, 4); faster than separate calls."""
     T_goals = np.asarray(T_base_tip, dtype=np.float64)
     start = np.asarray(start, dtype=np.float64)
     starts = np.broadcast_to(start, (len(T_goals), start.size))
@@ -86,7 +87,7 @@ def solve_each(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> list[IK
 
 
 def _restarted(chain: Chain, T_goal: Array, start: Array, best: IKResult) -> IKResult:
-    """Return a posture's result if it is a solution, or the best that restarts find."""
+    """Return ``best`` if it is a solution, else the best result of the restarts."""
     if best.success or not _is_in_reach(chain, T_goal):
         return best
     first = 0
@@ -102,10 +103,10 @@ def _restarted(chain: Chain, T_goal: Array, start: Array, best: IKResult) -> IKR
 
 
 def ik_solutions(chain: Chain, T_base_tip: ArrayLike, start: ArrayLike) -> Array:
-    """Return distinct postures (K, n) that reach a pose (4, 4), the soonest from ``start`` first.
+    """Return distinct postures (K, n) that reach a pose (4, 4), by travel time from ``start``.
 
-    A redundant arm has a continuum of them; these are samples at least ``SAME_SOLUTION`` apart.
-    K is 0 when the pose is unreachable.
+    A redundant arm has a continuum of them; these are samples that differ by more than
+    ``SAME_SOLUTION``. K is 0 if the pose is unreachable.
     """
     T_goal = np.asarray(T_base_tip, dtype=np.float64)
     start = np.asarray(start, dtype=np.float64)
@@ -127,9 +128,9 @@ def track_path(
 ) -> PathResult:
     """Follow waypoints (S, 4, 4) from the posture ``start`` (n,).
 
-    No joint moves more than ``max_joint_step`` rad between waypoints, nor from ``start`` to the
-    first. On a path of short steps that also bounds the way between them: an arm of reach r
-    bows out by about ``r * max_joint_step**2 / 8`` metres.
+    No joint moves more than ``max_joint_step`` rad between waypoints, or from ``start`` to the
+    first waypoint. With short steps this also bounds the deviation between waypoints: an arm of
+    reach r deviates from the path by about ``r * max_joint_step**2 / 8`` metres.
     """
     start = np.asarray(start, dtype=np.float64)
     waypoints = np.asarray(T_path, dtype=np.float64)
@@ -147,9 +148,9 @@ def track_path(
 def _walk(chain: Chain, waypoints: Array, start: Array) -> Array:
     """Return a posture near each of the waypoints (S, 4, 4), shape (S, n).
 
-    One step of the descent for each stride, from the posture before, and straight in between:
-    close enough for all of them to be improved at once, which takes a fraction of the time of one
-    after the other.
+    The posture at the end of each stride is one step of the descent from the posture before. The
+    postures within a stride are interpolated linearly. These postures are close enough to improve
+    all of them at once, which is much faster than one after the other.
     """
     count = len(waypoints)
     stops = [*range(_STRIDE - 1, count - 1, _STRIDE), count - 1]
@@ -179,7 +180,7 @@ def _result(found: Descent, row: int) -> IKResult:
 
 
 def _angle(error: Array) -> float:
-    """Return the angle whose half has a sine half as long as ``error`` (3,)."""
+    """Return the angle, rad, of a rotation error (3,) of length 2 sin(angle / 2)."""
     sine = min(1.0, length(error) / 2.0)
     return 2.0 * float(arctan2(sine, math.sqrt(1.0 - sine * sine)))
 
@@ -195,18 +196,18 @@ def _is_in_reach(chain: Chain, T_goal: Array) -> bool:
 
 
 def _travel_times(chain: Chain, postures: Array, start: Array) -> Array:
-    """Return the seconds (K,) of the slowest joint from ``start`` to each posture (K, n)."""
+    """Return the seconds (K,) that the slowest joint needs from ``start`` to postures (K, n)."""
     return np.asarray((np.abs(postures - start) / chain.velocity_limits).max(axis=-1))
 
 
 def _spread(chain: Chain, first: int, count: int) -> Array:
-    """Return ``count`` terms (count, n), from ``first`` on, of a sequence that fills the joint box.
+    """Return terms (count, n), from ``first`` on, of a sequence that fills the joint ranges evenly.
 
-    Roberts' additive recurrence (2018): step by the powers of the generalised golden ratio.
+    Roberts' additive recurrence (2018); its steps are powers of the generalised golden ratio.
     """
     n = len(chain.lower)
     ratio = 2.0
-    for _ in range(_RATIO_ITERATIONS):  # Newton's, towards ratio^(n + 1) = 1 + ratio
+    for _ in range(_RATIO_ITERATIONS):  # Newton's method for ratio^(n + 1) = 1 + ratio
         power = math.prod([ratio] * n)
         ratio -= (power * ratio - 1.0 - ratio) / ((n + 1) * power - 1.0)
     steps = 1.0 / np.cumprod(np.full(n, ratio))

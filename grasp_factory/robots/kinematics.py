@@ -26,10 +26,10 @@ from grasp_factory.core.linear import length, product
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The joints between a base link and a tip; ``n`` is their number, q their angles (..., n)."""
+    """The n revolute joints between a base link and a tip; q are joint angles (..., n)."""
 
     joint_names: tuple[str, ...]
-    """The n revolute joints, base to tip."""
+    """Names of the n revolute joints, from base to tip."""
     lower: Array
     """Lower joint limits in rad, shape (n,)."""
     upper: Array
@@ -37,19 +37,20 @@ class Chain:
     velocity_limits: Array
     """Largest joint speeds in rad/s, shape (n,)."""
     T_previous_joint: Array
-    """Each joint's frame at angle 0, +z along its axis, in the frame of the joint before it.
+    """Pose of each joint's frame at angle 0 in the frame of the previous joint; +z is its axis.
 
-    Shape (n, 4, 4); the first is in base axes.
+    Shape (n, 4, 4); the first is in the base frame.
     """
     T_joint_tip: Array
-    """The tip in the frame of the last joint, shape (4, 4)."""
+    """Pose of the tip in the frame of the last joint, shape (4, 4)."""
 
     @classmethod
     def from_urdf(cls, path: str | Path, base_link: str, tip_link: str) -> Chain:
-        """Read the chain from ``base_link`` to ``tip_link``; fixed joints are folded in.
+        """Return the chain from ``base_link`` to ``tip_link``; fixed joints become offsets.
 
         Raises:
-            ValueError: if no chain of fixed joints and revolute joints with limits joins the links.
+            ValueError: if the links are not connected by fixed joints and revolute joints with
+                limits only.
         """
         names: list[str] = []
         limits: list[tuple[float, float, float]] = []
@@ -76,12 +77,12 @@ class Chain:
         return cls(tuple(names), lower, upper, velocity, np.array(offsets), T)
 
     def with_tool(self, T_tip_tool: Array) -> Chain:
-        """Return the chain whose tip is a tool at ``T_tip_tool`` (4, 4) of this one's tip."""
+        """Return the chain with a tool as tip; ``T_tip_tool`` (4, 4) is its pose at the old tip."""
         return dataclasses.replace(self, T_joint_tip=product(self.T_joint_tip, T_tip_tool))
 
     @property
     def reach(self) -> float:
-        """The tip is never farther than this from the first joint's origin; metres."""
+        """Upper bound for the distance from the first joint's origin to the tip, metres."""
         links = [*self.T_previous_joint[1:], self.T_joint_tip]
         return float(sum(length(T[:3, 3]) for T in links))
 
@@ -98,7 +99,7 @@ class Chain:
         """
         frames = self._joint_frames(np.asarray(q, dtype=np.float64))
         T = product(frames[-1], self.T_joint_tip)
-        last = (*range(1, frames.ndim - 1), 0)  # what np.moveaxis(_, 0, -1) does, ten times quicker
+        last = (*range(1, frames.ndim - 1), 0)  # like np.moveaxis(_, 0, -1), but ten times faster
         axes = frames[..., :3, 2].transpose(last)  # (..., 3, n)
         arms = T[..., :3, 3, None] - frames[..., :3, 3].transpose(last)
         J = np.empty((*axes.shape[:-2], 6, axes.shape[-1]))
@@ -108,7 +109,7 @@ class Chain:
         return T, J
 
     def _joint_frames(self, q: Array) -> Array:
-        """Return every joint's frame in base axes after its turn, shape (n, ..., 4, 4)."""
+        """Return the joint frames, rotated by q, in the base frame, shape (n, ..., 4, 4)."""
         still, cosine, sine = self._turns
         angles = q.transpose((q.ndim - 1, *range(q.ndim - 1)))[..., None, None]
         ones = (1,) * (q.ndim - 1)
@@ -119,7 +120,7 @@ class Chain:
             + cosine_of_angle * cosine.reshape(shape)
             + sine_of_angle * sine.reshape(shape)
         )
-        reach = 1  # frame j is in the axes of frame j - reach
+        reach = 1  # frame j is relative to frame j - reach
         while reach < len(frames):
             frames[reach:] = product(frames[:-reach], frames[reach:])
             reach *= 2
@@ -129,7 +130,7 @@ class Chain:
     def _turns(self) -> tuple[Array, Array, Array]:
         """The terms (n, 4, 4) of ``T_previous_joint @ Rz(q) = still + cosine cos q + sine sin q``.
 
-        Precomputed because a Python loop over the joints' rotations costs more than all the rest.
+        They are precomputed: a Python loop over the joints would take most of the time.
         """
         T = self.T_previous_joint
         still, cosine, sine = T.copy(), np.zeros_like(T), np.zeros_like(T)
@@ -140,12 +141,12 @@ class Chain:
 
 
 def carrier(path: str | Path, link: str, bodies: Container[str]) -> tuple[str, Array]:
-    """Return what carries a frame of a URDF file: the nearest of some bodies, and the pose in it.
+    """Return the nearest body that a link of a URDF file is fixed to, and the link's pose in it.
 
     Args:
-        path: The file.
-        link: The frame, fixed to the body; or the body itself.
-        bodies: Names of links.
+        path: The URDF file.
+        link: Name of the link; the result may be this link itself.
+        bodies: Names of the links that are bodies.
 
     Returns:
         The body's name and ``T_body_link`` (4, 4).
@@ -161,7 +162,7 @@ def carrier(path: str | Path, link: str, bodies: Container[str]) -> tuple[str, A
 
 
 def _joints_between(robot: Element, base_link: str, tip_link: str) -> list[Element]:
-    """Return the joints from base to tip, walking up from the tip."""
+    """Return the joints from base to tip; they are found from the tip upwards."""
     parent_joint = {_link(joint, "child"): joint for joint in robot.findall("joint")}
     joints: list[Element] = []
     link = tip_link
@@ -197,7 +198,7 @@ def _vector(element: Element | None, key: str, default: tuple[float, float, floa
 
 
 def _origin(joint: Element) -> Array:
-    """Return the joint's frame in its parent link; URDF rpy turns about fixed x, y, then z."""
+    """Return a joint's pose (4, 4) in its parent link; URDF rpy is about fixed x, y, then z."""
     origin = joint.find("origin")
     return transform(
         rotation_of_rpy(_vector(origin, "rpy", (0.0, 0.0, 0.0))),
@@ -206,7 +207,7 @@ def _origin(joint: Element) -> Array:
 
 
 def _frame_along(axis: Array) -> Array:
-    """Return a rotation (4, 4) that takes +z to the direction of ``axis`` (3,)."""
+    """Return a transform (4, 4) that rotates +z to the direction of ``axis`` (3,)."""
     z = np.array([0.0, 0.0, 1.0])
     turn = np.cross(z, axis)
     sine = length(turn)

@@ -1,4 +1,7 @@
-"""KUKA LBR iiwa 14 R820 with a WSG 50-110 class parallel gripper; sources in the URDF's header."""
+"""KUKA LBR iiwa 14 R820 with a parallel gripper like the WSG 50-110.
+
+The header of the URDF file has the sources of its numbers.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +27,10 @@ KUKA_IIWA = RobotModel(
     pad_center=(0.0, 0.0, 0.0),
     ft_joint="ft_joint",
     first_tool_link="ft_sensor",
-    # Sums over the URDF's tool links; held against the loaded body by the conformance test.
+    # Sums over the URDF's tool links; the conformance test compares them with the loaded body.
     tool_mass=1.26,
     tool_com=(0.0, 0.0, 0.0726349),
-    # TCP at (0.32, 0, 0.52) looking down: behind and above the workspace.
+    # TCP at (0.32, 0, 0.52), pointing down: behind and above the workspace.
     home=(0.0, -0.1885, 0.0, -1.6781, 0.0, 1.652, 0.0),
     joint_velocity_limits=tuple(math.radians(v) for v in _AXIS_SPEEDS_DEG),
     joint_torque_limits=_AXIS_TORQUES,

@@ -1,7 +1,7 @@
-"""Damped least squares: from many starts at once towards a pose, within the joint limits.
+"""Inverse kinematics by damped least squares from many starts at once, within the joint limits.
 
-Sugihara's damping (T-RO 27(5), 2011). Joints that a limit holds back are frozen for that step, so
-that the others do the work.
+The damping is Sugihara's (T-RO 27(5), 2011). A joint that a step would push beyond its limit is
+fixed for this step, so that the other joints do the motion.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from grasp_factory.core.linear import norm, product, solve_definite
 from grasp_factory.robots.kinematics import Chain
 
 POSITION_TOLERANCE = 1e-6
-"""A posture solves a pose when its tip is at most this far off, in metres."""
+"""Largest position error of a solution, metres."""
 ORIENTATION_TOLERANCE = 1e-6
-"""The same for the angle between the two orientations, in rad."""
+"""Largest orientation error of a solution, rad."""
 _MAX_ITERATIONS = 60
 # Damping proportional to the squared error keeps convergence quadratic even where the Jacobian
-# loses rank (Fan & Yuan, Computing 74, 2005); any constant floor above 1e-8 stalls there.
+# loses rank (Fan & Yuan, Computing 74, 2005); with a constant above 1e-8 the descent stalls there.
 _DAMPING_PER_SQUARED_ERROR = 0.1
 _DAMPING_FLOOR = 1e-10
-_MAX_ITERATION_STEP = 1.0  # rad; the linearisation is wrong beyond this
-_HALF_TURN = 1e-12  # of 4 cos2 of half the angle: nearer to half a turn the axis has another sign
-_STALL_ITERATIONS = 8  # a start that has not halved its squared error in these is given up
+_MAX_ITERATION_STEP = 1.0  # rad; the linearisation is not valid for larger steps
+_HALF_TURN = 1e-12  # limit of 4 cos(angle / 2)^2; closer to pi the sign of the axis is undefined
+_STALL_ITERATIONS = 8  # a start is abandoned unless it halves its squared error in these
 
 
 class Descent(NamedTuple):
-    """Where each of B starts ended."""
+    """The result of the descent from each of B starts."""
 
     q: Array  # (B, n) rad
-    error: Array  # (B, 6) m and rad, still missing at q
+    error: Array  # (B, 6) m and rad, remaining error at q
     converged: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]  # (B,)
 
 
 def descend(chain: Chain, T_goal: Array, starts: Array, *, enough: int) -> Descent:
-    """Improve the starts (B, n) until ``enough`` of them are solutions or none gets better.
+    """Improve the starts (B, n) until ``enough`` of them are solutions or no start improves.
 
     The goal is one pose (4, 4) for all starts, or one for each start (B, 4, 4).
     """
@@ -67,7 +67,7 @@ def descend(chain: Chain, T_goal: Array, starts: Array, *, enough: int) -> Desce
 
 
 def damped_step(chain: Chain, q: Array, J: Array, error: Array, squares: Array) -> Array:
-    """Return the step (B, n) in rad that cuts the errors (B, 6) with no joint pushed on a limit."""
+    """Return the step (B, n), rad, that reduces the errors (B, 6); joints at a limit stay there."""
     pull = (J * error[..., None]).sum(axis=-2)
     is_held = ((q <= chain.lower) & (pull < 0.0)) | ((q >= chain.upper) & (pull > 0.0))
     J = J * ~is_held[:, None, :]
@@ -82,8 +82,8 @@ def damped_step(chain: Chain, q: Array, J: Array, error: Array, squares: Array) 
 def pose_errors(T: Array, T_goal: Array) -> Array:
     """Return the remaining error from T (B, 4, 4) to the goal, (B, 6) in base axes.
 
-    The translation, then the axis of the rotation times twice the sine of half its angle, which is
-    the angle where it is small.
+    The first three are the translation. The others are the axis of the rotation times twice the
+    sine of half its angle, which is close to the angle if it is small.
     """
     R = product(T_goal[..., :3, :3], np.swapaxes(T[:, :3, :3], -1, -2))
     error = np.empty((len(T), 6))

@@ -1,4 +1,4 @@
-"""Franka Emika Panda with its own hand, from pybullet_data's URDF."""
+"""Franka Emika Panda with the Franka Hand, from pybullet_data's URDF."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PANDA = RobotModel(
     name="panda",
     description="Franka Emika Panda with the Franka Hand (80 mm, up to 70 N)",
     urdf="franka_panda/panda.urdf",
-    # The file has 0.1 kg m2 for every link, also for a finger: the shapes give better values.
+    # The file has 0.1 kg m2 for every link, even for a finger; values from the shapes are better.
     file_inertia=False,
     base_link="panda_link0",
     tcp_link="panda_grasptarget",

@@ -1,4 +1,4 @@
-"""The disturbance after the hold, as joint motion. Pure numpy."""
+"""The joint motion of the shake after the hold. Pure numpy."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from grasp_factory.robots.kinematics import Chain
 from grasp_factory.robots.trajectory import Trajectory
 
 _DAMPING = 1e-10
-"""Of the inverse Jacobian, as in ``ik``: it bounds the joints where the arm is singular."""
+"""Damping of the inverse Jacobian, as in ``least_squares``; it bounds joints at singularities."""
 
 
 def plan_shake(
     chain: Chain, posture: Array, level: float, shake: ShakeConfig, rates: tuple[int, int]
 ) -> list[Trajectory]:
-    """Return the motions of one level: to and fro along world x, y and z, then about the approach.
+    """Return the motions of one level: along world x, y and z, then about the approach axis.
 
     The motions are so small (millimetres) that the Jacobian maps them to the joints. Each takes
     ``shake.cycle_s``, or less where a joint would exceed its velocity limit: for a given
-    acceleration, speed grows with time.
+    acceleration, the speed is larger in a longer motion.
 
     Args:
         chain: The arm.
-        posture: Its joint positions, (J,) rad.
+        posture: Joint positions of the arm, (J,) rad.
         level: Peak acceleration in units of standard gravity.
-        shake: Its settings.
-        rates: Physics and control rate, Hz.
+        shake: Settings of the shake.
+        rates: Physics rate and control rate, Hz.
     """
     T, J = chain.fk_and_jacobian(posture)
     A = product(J, J.T) + _DAMPING * np.eye(6)
@@ -49,9 +49,10 @@ def plan_shake(
 
 
 def _pulse(posture: Array, joints: Array, seconds: float, rates: tuple[int, int]) -> Trajectory:
-    """Return a motion to and fro whose peak acceleration is ``joints`` (J,) rad/s2.
+    """Return a motion back and forth with the peak acceleration ``joints`` (J,), rad/s2.
 
-    It takes a whole number of control periods, at least four, else no longer than ``seconds``.
+    Its duration is a whole number of control periods, the largest within ``seconds`` but at least
+    four.
     """
     hz, control_hz = rates
     steps = max(SHORTEST_CYCLE, math.floor(seconds * control_hz)) * (hz // control_hz)
@@ -66,7 +67,7 @@ def _pulse(posture: Array, joints: Array, seconds: float, rates: tuple[int, int]
 def _shape(tau: Array) -> tuple[Array, Array]:
     """Return position and speed of sin(2 pi t) sin(pi t)^2 at times (S,) in [0, 1].
 
-    It starts and ends at rest, and accelerates both ways alike.
+    It starts and ends at rest, and the peak acceleration is the same in both directions.
     """
     (sine, _), (sine_of_twice, cosine_of_twice) = sincos(np.pi * tau), sincos(2.0 * np.pi * tau)
     square = sine * sine

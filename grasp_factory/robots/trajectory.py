@@ -1,4 +1,4 @@
-"""From a grasp to joint motion: straight Cartesian segments, minimum-jerk timing. Pure numpy."""
+"""Planning of the joint motion for a grasp: straight segments with minimum-jerk timing."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ from grasp_factory.robots.ik import ik_solutions, solve_each, track_path
 from grasp_factory.robots.kinematics import Chain
 
 WAYPOINT_SPACING = 0.01
-"""Metres between IK solutions on a straight segment. Interpolated between them, the TCP of either
-arm stays within 0.1 mm of the line."""
+"""Distance between IK solutions on a straight segment, metres.
+
+With interpolation between them, the TCP of both arms stays within 0.1 mm of the line.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +33,14 @@ class Trajectory:
     """Joint targets for consecutive physics steps."""
 
     positions: Array
-    """(S, J) rad; the start is not among them."""
+    """(S, J) rad, without the start."""
     velocities: Array
     """(S, J) rad/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointSegment:
-    """A path in joint space with the time it takes."""
+    """A path in joint space and its duration."""
 
     waypoints: Array
     """(K, J) rad, at equal steps along the path."""
@@ -53,9 +55,9 @@ class GraspMotion:
     transfer: JointSegment
     """From home to the pregrasp."""
     approach: JointSegment
-    """Straight to the grasp."""
+    """Straight from the pregrasp to the grasp."""
     lift: JointSegment
-    """Straight up."""
+    """Straight up from the grasp."""
 
 
 def plan_motion(
@@ -63,10 +65,10 @@ def plan_motion(
 ) -> tuple[Grasp, GraspMotion] | None:
     """Return one of several equally good grasps and the motions from ``home`` (J,) that execute it.
 
-    The one whose pregrasp is nearest in time is tried first; then the others, then all of them
-    through other postures. None when all are unreachable: no posture within the joint limits from
-    which the arm can follow the straight approach and lift, within ``MAX_TRANSFER_S`` of home and
-    the velocity limits.
+    The grasps are tried in the order of the transfer time from home, then again with other
+    pregrasp postures. The result is None if all are unreachable. A grasp is reachable if there is
+    a pregrasp posture within the joint limits, at most ``MAX_TRANSFER_S`` from home, from which
+    the arm can follow the straight approach and lift within the velocity limits.
     """
     paths = [_GraspPath(chain, home, grasp, motion) for grasp in grasps]
     if not paths:
@@ -87,9 +89,9 @@ def plan_motion(
 
 
 def sample(segment: JointSegment, hz: int, control_hz: int) -> Trajectory:
-    """Return the targets of a segment, one for each step at ``hz``, minimum-jerk in time.
+    """Return the joint targets of a segment with minimum-jerk timing, one for each step at ``hz``.
 
-    The motion takes a whole number of periods of ``control_hz``, never less time than planned.
+    The duration is rounded up to a whole number of periods of ``control_hz``.
     """
     steps = math.ceil(segment.duration * control_hz) * (hz // control_hz)
     tau = np.arange(1, steps + 1) / steps
@@ -114,11 +116,11 @@ class _GraspPath:
         self._T_lifted[2, 3] += motion.lift_height
 
     def transfer_s(self, pregrasp: Array) -> float:
-        """Return the seconds from home to a posture (J,)."""
+        """Return the duration of the motion from home to a posture (J,), seconds."""
         return self._shortest_duration(np.stack([self._home, pregrasp]))
 
     def through(self, pregrasp: Array) -> GraspMotion | None:
-        """Return the motions that pass a pregrasp posture (J,), or None when one is impossible."""
+        """Return the motions through a pregrasp posture (J,), or None if one is impossible."""
         waypoints = np.stack([self._home, pregrasp])
         transfer = JointSegment(waypoints, self.transfer_s(pregrasp))
         if transfer.duration > MAX_TRANSFER_S:
@@ -134,7 +136,7 @@ class _GraspPath:
     def _straight(
         self, start: Array, T_start: Array, T_end: Array, seconds: float
     ) -> JointSegment | None:
-        """Return the segment along a straight line without turning, or None when it cannot be."""
+        """Return the segment along a straight line without rotation; None if it is impossible."""
         way = T_end[:3, 3] - T_start[:3, 3]
         steps = max(2, math.ceil(length(way) / WAYPOINT_SPACING))
         T_path = np.tile(T_start, (steps, 1, 1))
@@ -149,9 +151,9 @@ class _GraspPath:
         return JointSegment(waypoints, max(seconds, shortest))
 
     def _shortest_duration(self, waypoints: Array) -> float:
-        """Return the seconds in which no joint exceeds its velocity limit.
+        """Return the shortest duration in which no joint exceeds its velocity limit, seconds.
 
-        Infinite when the interpolated path leaves the joints' limits.
+        It is infinite if the interpolated path leaves the joint limits.
         """
         q, dq_ds = _interpolate(waypoints, np.linspace(0.0, 1.0, 8 * len(waypoints)))
         if (q < self._chain.lower).any() or (q > self._chain.upper).any():
@@ -161,9 +163,10 @@ class _GraspPath:
 
 
 def _interpolate(waypoints: Array, s: Array) -> tuple[Array, Array]:
-    """Return q(s) and dq/ds, (S, J) each, of the cubic Hermite curve through (K, J), s in [0, 1].
+    """Return q(s) and dq/ds, (S, J) each, of the cubic Hermite curve through waypoints (K, J).
 
-    Slopes are finite differences (``numpy.gradient``), so the curve and its slope are continuous.
+    ``s`` (S,) is in [0, 1]. The slopes at the waypoints are finite differences
+    (``numpy.gradient``), so the curve and its slope are continuous.
     """
     spans = len(waypoints) - 1
     slopes = np.gradient(waypoints, axis=0, edge_order=2 if spans > 1 else 1)

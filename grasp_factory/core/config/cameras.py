@@ -1,4 +1,7 @@
-"""Cameras by name. A new one is a row below; a config may describe others of its own."""
+"""The settings of a camera, and the table of predefined cameras.
+
+A new predefined camera is a row of the table; a config may also define its own cameras.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +14,16 @@ from grasp_factory.core.vectors import Vector3
 
 
 class Mount(Enum):
-    """What a camera is fixed to, and so the frame that its pose is given in."""
+    """What a camera is fixed to: its pose is expressed in the frame of this."""
 
     WORLD = "world"
     TCP = "tcp"
-    """The hand: the camera moves with it."""
+    """The tool centre point of the hand: the camera moves with the hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraConfig:
-    """A camera, looking from ``eye`` to ``target`` (metres, in the frame of its mount)."""
+    """A camera at ``eye`` that looks at ``target`` (metres, in the frame of its mount)."""
 
     eye: Vector3
     target: Vector3
@@ -30,8 +33,9 @@ class CameraConfig:
     fov_y_deg: float = 45.0
     """Vertical field of view, degrees."""
     near: float = 0.1
-    """Clipping range in metres: a tight one keeps the z-buffer's resolution."""
+    """Near end of the clipping range, metres; a narrow range makes the z-buffer more precise."""
     far: float = 4.0
+    """Far end of the clipping range, metres."""
 
     def __post_init__(self) -> None:
         check_range(self, "fov_y_deg", 1.0, 170.0, "degrees")
@@ -52,7 +56,7 @@ class CameraConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedCamera:
-    """A place to look from."""
+    """A predefined camera."""
 
     name: str
     description: str

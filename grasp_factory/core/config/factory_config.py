@@ -1,4 +1,4 @@
-"""What a dataset is made from: one frozen, validated record that YAML feeds and the store keeps."""
+"""The config of a dataset: one frozen, validated record, read from YAML and kept in the store."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from grasp_factory.core.splits import SPLITS
 from grasp_factory.errors import ConfigError, shown
 
 MAX_VIDEO_GB = 4
-"""Of memory, in each worker."""
+"""Largest memory for the videos of a block in each worker, in GB (10^9 bytes)."""
 
 
 def _check_weights(key: str, weights: Mapping[str, float]) -> None:
@@ -45,7 +45,7 @@ def _check_weights(key: str, weights: Mapping[str, float]) -> None:
 
 
 def _settled(value: Any) -> Any:
-    """Return plain data of free form in one form for all that is equal: 1.0 and 1 become 1."""
+    """Return plain data such that equal data has equal JSON: 1.0 and 1 both become 1."""
     if isinstance(value, Mapping):
         return {str(key): _settled(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -60,14 +60,17 @@ def _settled(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FactoryConfig:
-    """Everything that decides the content of a dataset, apart from how many episodes it has."""
+    """All settings that determine the content of a dataset, except the number of episodes."""
 
     seed: int = 0
     robot: str = "kuka_iiwa"
     policies: Mapping[str, float] = field(default_factory=lambda: {"uniform": 3.0, "top_down": 1.0})
-    """Policy name to weight: each episode draws one. The default gives about even classes."""
+    """Policy name to weight; one policy is drawn for each episode.
+
+    With the default about as many grasps succeed as fail.
+    """
     policy_parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Policy name to settings of its own; what is left out takes the policy's default."""
+    """Policy name to the settings of that policy; missing keys take the policy's defaults."""
     object_sets: Mapping[str, float] = field(
         default_factory=lambda: {"procedural": 0.5, "blobs": 0.4, "classic": 0.1}
     )
@@ -83,16 +86,18 @@ class FactoryConfig:
     resolution: tuple[int, int] = (640, 480)
     """Image width and height, pixels."""
     renderer: Renderer = Renderer.TINY
-    """What draws the images: tiny, or egl where there is OpenGL."""
+    """The renderer of the images: tiny, or egl where OpenGL is available."""
     record_hz: int = 120
-    """Rate of the streams; divides both physics rates."""
+    """Rate of the streams, Hz; a divisor of both physics rates."""
     imu_hz: int = 400
-    """Rate of the IMU; the nearest that fits the others is taken (``imu_rate``)."""
+    """Requested rate of the IMU, Hz; ``imu_rate`` is the nearest rate that fits the other rates."""
     video_hz: int = 0
-    """Frames per second of the attempt that each camera keeps; divides the physics rates, 0 for
-    none."""
+    """Frame rate of each camera's video of the attempt, Hz; a divisor of both physics rates.
+
+    0 for no video.
+    """
     block_size: int = 8
-    """Episodes that one process makes and commits together."""
+    """Number of episodes in a block; one process generates and commits a block."""
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
@@ -135,7 +140,7 @@ class FactoryConfig:
         check(self.label.min_shake <= strongest, "label.min_shake", self.label.min_shake, valid)
 
     def _check_splits(self) -> None:
-        """Check the splits and put them in their order, for the order says nothing."""
+        """Check the splits and sort them, because their order has no meaning."""
         got = self.object_splits
         ok = 0 < len(got) == len(set(got)) and set(got) <= set(SPLITS)
         check(ok, "object_splits", list(got), f"some of {', '.join(SPLITS)}, each once")
@@ -158,7 +163,7 @@ class FactoryConfig:
             check(ok, f"randomize.looks.{key}", share, valid)
 
     def _check_video(self) -> None:
-        """Check that a block's videos can be held, as it is written whole."""
+        """Check that the videos of a block fit into memory: a block is written as a whole."""
         width, height = self.resolution
         frames = self.longest_video * self.block_size * len(self.cameras)
         size = frames * width * height * 3 / 1e9
@@ -174,7 +179,7 @@ class FactoryConfig:
             check(rate % got == 0, key, got, f"a divisor of physics.{name} ({rate})")
 
     def _check_randomize(self) -> None:
-        """Check that whatever is drawn is a motion, and a camera."""
+        """Check that every value in the ranges of ``randomize`` gives a valid motion and camera."""
         gripper, jitter = self.randomize.gripper, self.randomize.cameras.fov_y_deg
         for force, speed in itertools.product(gripper.force, gripper.speed):
             try:
@@ -189,7 +194,7 @@ class FactoryConfig:
 
     @property
     def models(self) -> dict[str, str]:
-        """The SHA-256 of each policy's trained model, by policy; of those that have one.
+        """SHA-256 of the trained model of each policy that has one, by policy name.
 
         It is the policy's setting ``model``.
         """
@@ -198,14 +203,14 @@ class FactoryConfig:
 
     @property
     def imu_rate(self) -> int:
-        """The IMU's rate, Hz: it divides both physics rates and is a multiple of ``record_hz``."""
+        """Rate of the IMU, Hz: a divisor of both physics rates and a multiple of ``record_hz``."""
         whole = math.gcd(self.physics.free_hz, self.physics.contact_hz)
         rates = [r for r in range(self.record_hz, whole + 1, self.record_hz) if whole % r == 0]
         return min(rates, key=lambda rate: abs(rate - self.imu_hz))
 
     @property
     def longest_s(self) -> float:
-        """An upper bound for the time of an attempt, seconds."""
+        """Upper bound for the duration of an attempt, seconds."""
         # Each motion may be rounded up to the control rate.
         motions = len(Phase) + SHAKE_MOTIONS * len(self.shake.levels)
         rounding = motions / self.physics.control_hz
@@ -214,12 +219,12 @@ class FactoryConfig:
 
     @property
     def longest_attempt(self) -> int:
-        """An upper bound for the number of records of an attempt."""
+        """Upper bound for the number of records of an attempt."""
         return math.ceil(self.longest_s * self.record_hz)
 
     @property
     def longest_video(self) -> int:
-        """An upper bound for the number of frames of an attempt."""
+        """Upper bound for the number of video frames of an attempt."""
         return math.ceil(self.longest_s * self.video_hz)
 
     @classmethod
@@ -236,7 +241,7 @@ class FactoryConfig:
         return dict(to_plain(self))
 
     def sha256(self) -> str:
-        """Return the hash that a store is recognised by."""
+        """Return the SHA-256 (hex) of the config, which a store keeps to identify its config."""
         text = json.dumps(self.to_plain(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -1,4 +1,4 @@
-"""How the arm moves: distances, speeds and grip force, and how long that may take."""
+"""The config's section on motion: distances, speeds, grip force, and bounds for durations."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from dataclasses import dataclass
 from grasp_factory.core.serialization import check_range
 
 MAX_TRANSFER_S = 2.5
-"""Grasps that need a longer way from home count as unreachable: it bounds every attempt."""
+"""Grasps with a longer transfer from home count as unreachable; this bounds every attempt."""
 SHORTEST_MOTION_S = 0.15
-"""Even the shortest motion takes this long, so that the arm does not jerk."""
+"""Shortest duration of a motion, so that the arm does not jerk."""
 PEAK_OVER_MEAN = 1.875
-"""Peak over mean speed of a minimum-jerk motion (Flash & Hogan 1985): 15/8."""
+"""Ratio of peak to mean speed of a minimum-jerk motion (Flash & Hogan 1985): 15/8."""
 MAX_STRETCH = 2.0
-"""A straight motion may take this many times longer than its speed says, for slow joints."""
+"""Slow joints may make a straight motion this many times longer than its speed requires."""
 MAX_CLOSING_STROKE = 0.06
-"""Metres: bound for the travel of a finger; ``tests/robots/test_closing_time.py`` checks robots."""
+"""Metres: upper bound for the travel of a finger (``tests/robots/test_closing_time.py``)."""
 SLOWEST_FINGERS = 0.05
-"""m/s: bound for the greatest speed of fingers; the same test checks it."""
+"""m/s: lower bound for the maximum finger speed of a robot; the same test checks it."""
 STALLED_S = 0.1
-"""Seconds for which the closed fingers must stand still before the lift begins."""
+"""Seconds for which the closed fingers must be at rest before the lift begins."""
 CLOSING_SETTLE_S = 0.3
-"""Seconds that the fingers may take beyond their travel until they stood still for so long."""
+"""Seconds added to the travel time of the fingers, in which they come to rest for so long."""
 
 
 def straight_motion_s(distance: float, peak_speed: float) -> float:
@@ -32,10 +32,10 @@ def straight_motion_s(distance: float, peak_speed: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionConfig:
-    """How an attempt is executed."""
+    """Distances, speeds and grip force of an attempt."""
 
     pregrasp_distance: float = 0.10
-    """Metres from the grasp, back along the approach axis."""
+    """Distance from the pregrasp to the grasp along the approach axis, metres."""
     approach_speed: float = 0.25
     """Peak TCP speed on the straight approach, m/s."""
     lift_height: float = 0.20
@@ -43,7 +43,7 @@ class MotionConfig:
     lift_speed: float = 0.60
     """Peak TCP speed of the lift, m/s."""
     closing_speed: float = 0.10
-    """Speed of each finger, m/s; the gripper's own greatest speed where that is less."""
+    """Speed of each finger, m/s; limited to the gripper's maximum speed."""
     grip_force: float = 20.0
     """Force limit of each finger, N."""
     hold_s: float = 0.3
@@ -62,7 +62,7 @@ class MotionConfig:
         check_range(self, "speed_scale", 0.05, 1.0)
 
     def scaled(self, force: float, speed: float) -> MotionConfig:
-        """Return the motion with factors on its force and on its speeds.
+        """Return the motion with its force and its speeds multiplied by factors.
 
         Raises:
             ConfigError: naming the value that is out of its range.
@@ -73,18 +73,18 @@ class MotionConfig:
 
     @property
     def longest_close_s(self) -> float:
-        """Upper bound for the time of the closing, seconds."""
+        """Upper bound for the duration of the closing, seconds."""
         speed = min(self.closing_speed, SLOWEST_FINGERS)
         return MAX_CLOSING_STROKE / speed + CLOSING_SETTLE_S
 
     @property
     def approach_s(self) -> float:
-        """Seconds that the approach takes, unless a joint is too slow for it."""
+        """Duration of the approach, seconds, unless a joint is too slow for it."""
         return straight_motion_s(self.pregrasp_distance, self.approach_speed)
 
     @property
     def lift_s(self) -> float:
-        """Seconds that the lift takes, unless a joint is too slow for it."""
+        """Duration of the lift, seconds, unless a joint is too slow for it."""
         return straight_motion_s(self.lift_height, self.lift_speed)
 
     @property

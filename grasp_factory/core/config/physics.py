@@ -9,21 +9,24 @@ from dataclasses import dataclass
 from grasp_factory.core.serialization import check_range
 
 FREE_RESIDUAL, CONTACT_RESIDUAL = 1e-6, 1e-7
-"""While nothing is held, a millimetre per second is exact enough; then the engine's default."""
+"""``Stepping.residual`` before and from the first touch: 1 mm/s, then the engine's default."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stepping:
-    """How the engine advances time."""
+    """Step rate and solver settings of the physics engine."""
 
     hz: int
-    """Step rate."""
+    """Step rate, Hz."""
     iterations: int
-    """Passes over a step's constraints, at the most."""
+    """Largest number of solver iterations over the constraints of a step."""
     motor_iterations: int
-    """Passes over the motors in each of these."""
+    """Iterations over the motors in each solver iteration."""
     residual: float
-    """It is solved when a pass changes no velocity by more than the root of this, m/s or rad/s."""
+    """The solver stops when an iteration changes no velocity by more than its square root.
+
+    The velocities are in m/s or rad/s.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,33 +34,33 @@ class PhysicsConfig:
     """The simulator's rates and solver."""
 
     free_hz: int = 240
-    """Step rate while nothing is held: fall, transfer and approach."""
+    """Step rate before the first touch, Hz: fall, transfer and approach."""
     contact_hz: int = 720
-    """Step rate from the first touch on. docs/reference/physics.md compares other rates."""
+    """Step rate from the first touch on, Hz. docs/reference/physics.md compares other rates."""
     solver_iterations: int = 100
-    """Passes over a step's constraints while nothing is held, at the most."""
+    """Largest number of solver iterations of a step before the first touch."""
     contact_iterations: int = 35
-    """The same from the first touch on: shorter steps need fewer."""
+    """The same from the first touch on: shorter steps need fewer iterations."""
     motor_iterations: int = 2
-    """Passes over the motors and the gear in each of those."""
+    """Iterations over the motors and the gear in each solver iteration of contact steps."""
     gravity: float = 9.81
     """m/s2, along -z."""
     settle_s: float = 3.0
-    """The longest time an object may take to come to rest, seconds."""
+    """Longest time in which objects may come to rest, seconds."""
 
     @property
     def control_hz(self) -> int:
-        """Rate at which motions begin and end, Hz: both kinds of step fit into it."""
+        """Control rate, Hz: motions begin and end at its periods; it divides both step rates."""
         return math.gcd(self.free_hz, self.contact_hz)
 
     @property
     def free(self) -> Stepping:
-        """How time advances while nothing is held."""
+        """Stepping before the first touch."""
         return Stepping(self.free_hz, self.solver_iterations, 1, FREE_RESIDUAL)
 
     @property
     def contact(self) -> Stepping:
-        """How time advances from the first touch on."""
+        """Stepping from the first touch on."""
         iterations = (self.contact_iterations, self.motor_iterations)
         return Stepping(self.contact_hz, *iterations, CONTACT_RESIDUAL)
 
@@ -76,7 +79,7 @@ PHYSICS_PRESETS: Mapping[str, Mapping[str, int]] = {
         key: getattr(PhysicsConfig(), key)
         for key in ("contact_hz", "contact_iterations", "motor_iterations")
     },
-    # With fewer iterations, at this rate, the fingers do not reach the force they are told.
+    # With fewer iterations at this rate, the fingers do not reach the commanded force.
     "fast": {"contact_hz": 240, "contact_iterations": 50, "motor_iterations": 1},
 }
-"""By name: what differs from the default (docs/reference/physics.md has what it costs)."""
+"""Preset name to changed settings; docs/reference/physics.md has the cost of each preset."""

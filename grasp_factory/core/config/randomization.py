@@ -1,6 +1,6 @@
-"""Domain randomisation as ranges, all off by default, and the presets that have names.
+"""The config's section on domain randomisation: ranges, all off by default, and named presets.
 
-Each draw lands in the recipe of its episode (``sampling``), so a stored episode says what it got.
+The recipe of an episode contains every drawn value, so a stored episode shows what was drawn.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class ColorRange:
     """Colours in hue, saturation and brightness, each from 0 to 1."""
 
     share: float = 0.0
-    """Probability that a colour is drawn; otherwise the thing keeps its own."""
+    """Probability that a colour is drawn; otherwise the original colour is kept."""
     hue: Interval = (0.0, 1.0)
     saturation: Interval = (0.0, 0.9)
     brightness: Interval = (0.2, 1.0)
@@ -36,19 +36,19 @@ class ColorRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LooksConfig:
-    """What changes images and nothing else: colours, textures, light."""
+    """Appearance: colours, textures and light. They change only the images."""
 
     object_color: ColorRange = field(default_factory=ColorRange)
     object_texture: float = 0.0
-    """Share of objects that bear a texture."""
+    """Share of objects that have a texture."""
     table_color: ColorRange = field(default_factory=ColorRange)
     table_texture: float = 0.0
     floor_color: ColorRange = field(default_factory=ColorRange)
     floor_texture: float = 0.0
     light_azimuth_deg: Interval = (56.0, 56.0)
-    """Where the light comes from, from +x towards +y, degrees."""
+    """Azimuth of the light source, from +x towards +y, degrees."""
     light_elevation_deg: Interval = (54.0, 54.0)
-    """Above the horizon, degrees."""
+    """Elevation of the light source above the horizon, degrees."""
     light_hue: Interval = (0.0, 0.0)
     light_saturation: Interval = (0.0, 0.0)
     ambient: Interval = (0.6, 0.6)
@@ -66,15 +66,15 @@ class LooksConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraJitter:
-    """How far cameras stand from where the config puts them: limits to either side.
+    """Random changes of the cameras: limits, positive and negative, from the config's values.
 
-    Those on the hand get a tenth of it.
+    Cameras on the hand use a tenth of these limits.
     """
 
     eye: float = 0.0
     """Metres along each axis."""
     target: float = 0.0
-    """Metres along each axis, of the point that is looked at."""
+    """Metres along each axis, for the point that the camera looks at."""
     roll_deg: float = 0.0
     fov_y_deg: float = 0.0
 
@@ -87,16 +87,16 @@ class CameraJitter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyRange:
-    """What every object is made of; each draws its own."""
+    """Physical properties of the objects, drawn for each object."""
 
     scale: Interval = (1.0, 1.0)
-    """Factor on its size. Its mass stays, unless ``mass`` changes it."""
+    """Factor on the size; it does not change the mass."""
     mass: Interval = (1.0, 1.0)
-    """Factor."""
+    """Factor on the mass."""
     friction: Interval = (1.0, 1.0)
-    """Factor."""
+    """Factor on the friction coefficient."""
     linear_damping: Interval = (0.0, 0.0)
-    """Bullet's share of the velocity that is lost per second, as of a thick air."""
+    """Bullet's damping: share of the velocity that is lost per second, as in thick air."""
     angular_damping: Interval = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -107,12 +107,12 @@ class BodyRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GripperRange:
-    """How the attempt is executed: factors on the section ``motion``."""
+    """Factors on the force and the speeds of the section ``motion``."""
 
     force: Interval = (1.0, 1.0)
-    """Factor on ``grip_force``; the gripper's own limits hold."""
+    """Factor on ``grip_force``; the result is limited to the gripper's force range."""
     speed: Interval = (1.0, 1.0)
-    """Factor on the speeds of approach, closing and lift; transfer and shake keep theirs."""
+    """Factor on the speeds of approach, closing and lift, not of transfer and shake."""
 
     def __post_init__(self) -> None:
         _check_ranges(self, 0.1, 10.0, "force")
@@ -121,11 +121,14 @@ class GripperRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RandomizeConfig:
-    """Domain randomisation. Where objects fall is always drawn (section ``workspace``)."""
+    """Domain randomisation. Drop positions are always random (section ``workspace``)."""
 
     surroundings: int = 0
-    """How many different surroundings (table, floor, light, cameras) the episodes share; 0 for new
-    ones in each. Few of them render quicker: what never moves is rendered once for each."""
+    """Number of different surroundings (table, floor, light, cameras) that the episodes share.
+
+    0 draws new surroundings for each episode. A small number renders faster, because static bodies
+    are rendered once for each surroundings.
+    """
     looks: LooksConfig = field(default_factory=LooksConfig)
     cameras: CameraJitter = field(default_factory=CameraJitter)
     objects: BodyRange = field(default_factory=BodyRange)
@@ -183,4 +186,4 @@ RANDOMIZE_PRESETS: Mapping[str, RandomizeConfig] = {
         gripper=GripperRange(force=(0.5, 1.75), speed=(0.7, 1.3)),
     ),
 }
-"""By name. ``looks`` has the looks of ``strong`` and the physics of ``none``."""
+"""Preset name to settings. ``looks`` has the appearance of ``strong``, the physics of ``none``."""

@@ -1,4 +1,4 @@
-"""Where objects are dropped, and how many."""
+"""The config's sections on the scene: the workspace, and the number of objects."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from grasp_factory.core.serialization import check, check_range
 from grasp_factory.core.vectors import Vector3
 
 MAX_OBJECTS = 10
-"""Objects of an episode: more would hang beside the hand before they fall."""
+"""Largest number of objects in an episode: more would be next to the hand before they fall."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,12 +16,13 @@ class WorkspaceConfig:
     """The box on the table in which objects are dropped and may be grasped (world frame)."""
 
     lower: Vector3 = (0.42, -0.20, 0.0)
-    """Metres. The table top is z = 0; the robot's base stands at the origin."""
+    """Metres. The table top is z = 0; the robot's base is at the origin."""
     upper: Vector3 = (0.68, 0.20, 0.30)
+    """Metres."""
     margin: float = 0.05
-    """Metres inside the box's sides within which drop positions are drawn."""
+    """Smallest distance between a drop position and the sides of the box, metres."""
     drop_height: tuple[float, float] = (0.02, 0.08)
-    """Metres between the table and the lowest corner of the object's bounding box."""
+    """Range of the distance from the table to the object's bounding box, metres."""
 
     def __post_init__(self) -> None:
         for i in range(3):
@@ -35,16 +36,16 @@ class WorkspaceConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClutterConfig:
-    """How many objects fall together.
+    """The number of objects in a scene, and where they fall.
 
-    The target is the one drawn first, let go as if it were alone; the others fall around it, or
-    onto it where there is no room beside it.
+    The target is drawn first and dropped as if it were alone. The others fall around it, or onto
+    it if there is no room next to it.
     """
 
     count: int = 1
-    """Objects, the target among them."""
+    """Number of objects, including the target."""
     radius: float = 0.15
-    """Metres around the target's place within which the others fall."""
+    """Largest distance between the drop positions of the target and of another object, metres."""
 
     def __post_init__(self) -> None:
         check_range(self, "count", 1, MAX_OBJECTS)

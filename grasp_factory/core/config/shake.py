@@ -1,4 +1,4 @@
-"""The shake after the hold: its levels and its motion."""
+"""The config's section on the shake after the hold: its levels and its motion."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from dataclasses import dataclass
 from grasp_factory.core.serialization import check, check_range
 
 STANDARD_GRAVITY = 9.80665
-"""m/s2: the g of shake levels and of datasheets (ISO 80000-3)."""
+"""m/s2: the unit g of shake levels and of datasheets (ISO 80000-3)."""
 STRONGEST_SHAKE = 3.0
-"""Level beyond which the arm would not follow."""
+"""Highest level; the arm cannot follow a stronger shake."""
 SHORTEST_CYCLE = 4
-"""Control periods that a motion of the shake takes at the least."""
+"""Shortest duration of one motion of the shake, in control periods."""
 SHAKE_MOTIONS = 4
-"""Motions of each level of the shake: along three axes and about one."""
+"""Number of motions of each level: translation along three axes and rotation about one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShakeConfig:
     """The disturbance after the hold.
 
-    At each level the hand goes once to and fro along the world's three axes, then turns to and
-    fro about its approach axis.
+    At each level the hand moves back and forth once along each of the world's three axes, and then
+    rotates back and forth once about its approach axis.
     """
 
     levels: tuple[float, ...] = (0.5, 1.0)
-    """Peak accelerations in units of standard gravity, increasing; none for no shake.
+    """Peak accelerations in units of standard gravity, increasing; empty for no shake.
 
-    The arm follows to 2 % up to level 2 and no longer at 5 (IMU peaks down to 4.4).
+    The arm reaches the peak within 2 % up to level 2, but not at level 5 (IMU peaks down to 4.4).
     """
     cycle_s: float = 0.12
-    """Seconds of one motion to and fro; it is shorter where a joint would be too slow."""
+    """Duration of one motion back and forth, seconds; shorter where a joint would be too slow."""
     lever: float = 0.10
-    """Metres from the approach axis at which the turn's acceleration is that of the level."""
+    """Distance from the approach axis where the rotation has the level's acceleration, metres."""
 
     def __post_init__(self) -> None:
         rising = all(a < b for a, b in itertools.pairwise((0.0, *self.levels)))
@@ -45,6 +45,6 @@ class ShakeConfig:
         check_range(self, "lever", 0.01, 1.0, "m")
 
     def longest_s(self, control_hz: int) -> float:
-        """Return an upper bound for the time of all levels, seconds."""
+        """Return an upper bound for the duration of all levels, seconds."""
         cycle = max(self.cycle_s, SHORTEST_CYCLE / control_hz)
         return len(self.levels) * SHAKE_MOTIONS * cycle

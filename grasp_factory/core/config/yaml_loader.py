@@ -1,4 +1,4 @@
-"""YAML as people write it into files and on command lines, read so that nothing in it can hurt."""
+"""Safe reading of YAML from files and command lines, with limits on size and depth."""
 
 from __future__ import annotations
 
@@ -12,15 +12,18 @@ import yaml
 from grasp_factory.errors import ConfigError, shown
 
 MAX_VALUES = 20_000
-"""Values in one text, each alias counted as what it stands for: a bound for anchor bombs."""
+"""Largest number of values in one text, counted after aliases are expanded.
+
+It protects against small texts that expand to very many values ("billion laughs").
+"""
 MAX_DEPTH = 40
 MAX_BYTES = 1_000_000
-"""Of a file; what is longer is no config, and /dev/zero would never end."""
+"""Largest size of a config file; without it, reading /dev/zero would never end."""
 _MERGE = "tag:yaml.org,2002:merge"
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.1 as PyYAML reads it, and 1e-3 as the number that it is in YAML 1.2."""
+    """PyYAML's safe loader for YAML 1.1, but 1e-3 is a number as in YAML 1.2, not a string."""
 
 
 _Loader.add_implicit_resolver(
@@ -38,7 +41,7 @@ def parse_yaml(text: str, what: str) -> Any:
         what: how an error message starts, such as ``config file x.yaml``.
 
     Raises:
-        ConfigError: in one line, for whatever is wrong with the text.
+        ConfigError: if the text is invalid; the message is one line.
     """
     try:
         loader = _Loader(text)
@@ -55,7 +58,7 @@ def parse_yaml(text: str, what: str) -> Any:
         raise ConfigError(f"{what} is not valid YAML: {line}{str(error.problem)[:200]}") from None
     except RecursionError:
         raise ConfigError(f"{what} is nested more than {MAX_DEPTH} levels deep") from None
-    except Exception as error:  # constructors of values such as 2001-99-99 raise what they like
+    except Exception as error:  # constructors of values such as 2001-99-99 may raise any type
         first = "a value does not fit its type"
         if isinstance(error, ValueError | yaml.YAMLError):
             first = next(iter(str(error).splitlines()), first)
@@ -86,11 +89,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def _check(root: yaml.Node) -> None:
-    """Refuse what is too large, too deep, within itself, or has a key twice."""
+    """Raise an error if the text is too large, too deep or recursive, or has a duplicate key."""
     known: dict[int, tuple[int, int]] = {}
 
     def measure(node: yaml.Node, above: int) -> tuple[int, int]:
-        """Return how many values a node stands for, and how many levels."""
+        """Return the number of values and of levels of a node after aliases are expanded."""
         if id(node) not in known:
             _check_keys(node)
             children = _children(node) if above < MAX_DEPTH else ()

@@ -1,7 +1,6 @@
-"""What networks are shown, as named arrays: an image of the crop, the width, touch over time.
+"""The inputs of networks, as named arrays: an image of the crop, the width, touch over time.
 
-Nothing here is measured later than the start of the lift, and of the images only those before the
-attempt are used.
+All data is from before the start of the lift, and all images are from before the attempt.
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ from grasp_factory.core.serialization import check, check_range, is_integer
 from grasp_factory.signals.grasp_crop import CropShape, GraspCrop, GraspRelief, grasp_relief
 
 Inputs = Mapping[str, NDArray[np.float32]]
-"""By name, the first axis is the grasp: ``image`` (K, 3, S, S), ``width`` (K, 1),
-``touch`` (K, 2, 6, R)."""
+"""Arrays of K grasps by name: ``image`` (K, 3, S, S), ``width`` (K, 1), ``touch`` (K, 2, 6, R)."""
 
 IMAGE, WIDTH, TOUCH = "image", "width", "touch"
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -32,21 +30,23 @@ KINDS: Mapping[str, tuple[str, ...]] = {
 """Kind of network to the names of its inputs."""
 
 DEEPEST = 0.1
-"""Metres above and below the TCP at which heights are cut off: twice a pad's length."""
+"""Heights are clipped to this distance above and below the TCP, metres: twice a pad's length."""
 HEIGHT_UNIT = 0.05
-"""Metres that are 1 in the image."""
+"""Height, in metres, that has the value 1 in the image."""
 WIDTH_UNIT = 0.1
-"""Metres that are 1."""
+"""Gripper width, in metres, that has the value 1."""
 FORCE_UNIT, TORQUE_UNIT = 10.0, 0.1
-"""N and N m that are 1: half the default grip, and that at a centimetre's lever."""
+"""Force (N) and torque (N m) with the value 1: half the default grip force, and that at 1 cm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchWindow:
-    """The last part of the closing, up to the start of the lift."""
+    """The time window of the touch input: it ends at the start of the lift."""
 
     seconds: float = 0.5
+    """Duration of the window."""
     samples: int = 60
+    """Number of instants in the window."""
 
     def __post_init__(self) -> None:
         check_range(self, "seconds", 0.01, 10.0, "s")
@@ -55,7 +55,7 @@ class TouchWindow:
 
 
 def image_of(crop: GraspCrop | GraspRelief) -> NDArray[np.float32]:
-    """Return (3, S, S): height in units of 50 mm, whether anything is seen, whether the target."""
+    """Return (3, S, S): height in units of 50 mm, 1 where a surface is visible, 1 at the target."""
     seen = np.isfinite(crop.height)
     out = np.empty((3, *seen.shape), np.float32)
     out[0] = np.where(seen, np.clip(crop.height, -DEEPEST, DEEPEST), -DEEPEST) / HEIGHT_UNIT
@@ -71,11 +71,11 @@ def width_of(widths: Array) -> NDArray[np.float32]:
 def touch_of(streams: Mapping[str, NDArray[Any]], window: TouchWindow) -> NDArray[np.float32]:
     """Return (2, 6, R): force and torque on each pad at R instants before the lift.
 
-    Before the first record they are 0, as they are before the first contact.
+    Instants before the first record have the value 0, like those before the first contact.
 
     Args:
-        streams: ``timestamp``, ``phase`` and ``tactile_wrench`` of an attempt that got to the lift.
-        window: Which instants.
+        streams: ``timestamp``, ``phase`` and ``tactile_wrench`` of an attempt with a lift.
+        window: Duration and number of the instants.
 
     Raises:
         ValueError: if the attempt ended before the lift.
@@ -98,10 +98,10 @@ def grasp_inputs(view: SceneView, T_world_tcp: Array, widths: Array, shape: Crop
     """Return the inputs of ``vision`` for planned grasps, from all cameras of a view.
 
     Args:
-        view: What is seen.
-        T_world_tcp: The grasps, (K, 4, 4).
-        widths: Before closing, (K,) metres.
-        shape: Of the crops.
+        view: The view of the scene.
+        T_world_tcp: Poses of the grasps, (K, 4, 4).
+        widths: Distances between the pads before closing, (K,) metres.
+        shape: Shape of the crops.
     """
     views = tuple(view.images.values())
     images = np.stack([image_of(grasp_relief(views, T, shape)) for T in T_world_tcp])
@@ -109,21 +109,21 @@ def grasp_inputs(view: SceneView, T_world_tcp: Array, widths: Array, shape: Crop
 
 
 def take(inputs: Inputs, rows: Any) -> dict[str, NDArray[np.float32]]:
-    """Return the inputs of some grasps, chosen by indices, a slice or a mask."""
+    """Return the inputs of some grasps, selected by indices, a slice or a mask."""
     return {name: values[rows] for name, values in inputs.items()}
 
 
 def mirrored(inputs: Inputs, x: NDArray[np.bool_], y: NDArray[np.bool_]) -> Inputs:
     """Return the inputs of the scenes mirrored across the gripper's planes of symmetry.
 
-    A parallel gripper is its own mirror image, and physics has no handedness, so the label stays
-    as it is; both at once are a half turn about the approach. Forces are vectors and torques are
-    pseudovectors; mirroring y swaps the pads.
+    A parallel gripper is symmetric and so are the laws of physics, so the label does not change.
+    Both reflections together are a half turn about the approach axis. Forces are vectors and
+    torques are pseudovectors; the reflection along y swaps the pads.
 
     Args:
-        inputs: Of K grasps.
-        x: Which to mirror along the TCP's x, (K,).
-        y: Which to mirror along y, the closing direction, (K,).
+        inputs: The inputs of K grasps.
+        x: Whether to mirror each grasp along the TCP's x axis, (K,).
+        y: Whether to mirror each grasp along the TCP's y axis (closing direction), (K,).
     """
     out = dict(inputs)
     if IMAGE in out:

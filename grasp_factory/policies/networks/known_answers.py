@@ -1,4 +1,4 @@
-"""A network of known weights: its answers show whether this machine's kernels are exact enough."""
+"""A network with fixed weights, to test whether this machine's kernels are accurate enough."""
 
 # ruff: noqa: PLC0415
 
@@ -14,16 +14,16 @@ from grasp_factory.signals.grasp_crop import CropShape
 
 KIND = "vision"
 SIDE = 16
-"""Pixels."""
+"""Width and height of the images, pixels."""
 ROUNDS = 4
-"""Chunks of grasps that it scores."""
+"""Number of chunks of grasps that the network scores."""
 
 
 def known_log_odds() -> Array:
-    """Return the log odds of some made-up grasps, as rounded as a policy's.
+    """Return the log odds of made-up grasps, rounded like those of a learned policy.
 
-    They are other numbers where kernels are less exact than single precision should be, and where a
-    learned policy may therefore rank grasps otherwise.
+    The numbers differ on machines whose kernels are less accurate than single precision should be.
+    On such machines a learned policy may rank grasps differently.
 
     Raises:
         UsageError: if torch is not installed.
@@ -40,7 +40,7 @@ def known_log_odds() -> Array:
             reach = 1.0 if weights.ndim == 1 else 3.0 / float(np.sqrt(weights[0].numel()))
             values = rng.uniform(-reach, reach, tuple(weights.shape))
             if name.endswith("weight") and weights.ndim == 1:
-                values = 1.0 + 0.1 * values  # of normalisation
+                values = 1.0 + 0.1 * values  # weights of normalisation layers are close to 1
             weights.copy_(torch.from_numpy(values.astype(np.float32)))
     count = ROUNDS * CHUNK
     inputs = {

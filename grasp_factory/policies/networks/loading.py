@@ -1,4 +1,4 @@
-"""Weights in safetensors, a format that holds numbers and a header of JSON, and never code."""
+"""Saving and loading of models as safetensors files: arrays and a JSON header, but no code."""
 
 # ruff: noqa: PLC0415
 
@@ -17,13 +17,17 @@ from grasp_factory.policies.networks.model import GraspModel
 from grasp_factory.signals.grasp_crop import CropShape
 
 KEY = "grasp_factory"
-"""Of the header's metadata, under which the JSON is."""
+"""Key in the metadata of the safetensors header; its value is the JSON about the model."""
 FORMAT = 1
 LONGEST_HEADER = 2**20
 
 
 def save_model(model: GraspModel) -> bytes:
-    """Return the file of a model; equal models have equal bytes."""
+    """Return the bytes of a model's file; equal models have equal bytes.
+
+    Raises:
+        MissingLibraryError: if torch or safetensors is not installed.
+    """
     require("torch", "safetensors", extra="train")
     from safetensors.torch import save
 
@@ -44,11 +48,12 @@ def load_model(data: bytes, kind: str = "vision") -> GraspModel:
     """Return the model in a file's bytes.
 
     Args:
-        data: What ``save_model`` returned.
-        kind: One of ``KINDS`` that it must be, or "" for any.
+        data: The bytes that ``save_model`` returned.
+        kind: The required kind, one of ``KINDS``, or "" for any.
 
     Raises:
-        UsageError: if it is no model, one of another kind, or torch is not installed.
+        UsageError: if the file is not a model or is of another kind, or if torch or safetensors is
+            not installed.
     """
     require("torch", "safetensors", extra="train")
     import torch
@@ -81,10 +86,10 @@ def load_model(data: bytes, kind: str = "vision") -> GraspModel:
 
 
 def _header(data: bytes) -> Mapping[str, Any]:
-    """Return our part of a file's header: its first 8 bytes are its length, then comes JSON.
+    """Return this package's part of a safetensors header: 8 bytes with its length, then JSON.
 
     Raises:
-        UsageError: if there is none of a known format.
+        UsageError: if it is missing or its format is unknown.
     """
     length = int.from_bytes(data[:8], "little")
     try:

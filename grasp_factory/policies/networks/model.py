@@ -21,17 +21,23 @@ if TYPE_CHECKING:
     from grasp_factory.policies.networks.nets import GraspNet
 
 CHUNK = 64
-"""Grasps that go through the network together. Kernels are chosen by the shape, and with them the
-last bits; so a chunk is always full, and a grasp's probability does not depend on the others."""
+"""Number of grasps that the network evaluates together.
+
+The kernels, and with them the last bits, depend on the shape. So a chunk is always filled up to
+this size, and the probability of a grasp does not depend on the other grasps.
+"""
 EXACT_CHUNK = 4
-"""The same in double precision, which few grasps need and which takes four times as long."""
+"""The same in double precision, which few grasps need; it takes four times as long."""
 STEP = 0.01
-"""Of log odds: grasps that are closer count as equally good."""
+"""Log odds are rounded to multiples of this; grasps with equal results count as equally good."""
 UNSURE = 2e-5
-"""Bound of single precision's error, as a share of 1 + the size of a network's answer: 25 times
-the largest error found, with the kernels of four kinds of processor (docs/reference/physics.md)."""
+"""Bound for the error of single precision, divided by 1 + the absolute output of the network.
+
+It is 25 times the largest error found with the kernels of four kinds of processor
+(docs/reference/physics.md).
+"""
 SYMMETRIES = ((False, False), (True, False), (False, True), (True, True))
-"""Mirrorings, along x and y, over which the answer is averaged."""
+"""Reflections along (x, y) over which the output is averaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,27 +52,26 @@ class GraspModel:
     """In evaluation mode."""
     slope: float = 1.0
     offset: float = 0.0
-    """The logit is ``slope`` times the network's answer plus ``offset``: calibration, after Platt
-    (1999)."""
+    """The logit is ``slope`` times the network's output plus ``offset`` (after Platt, 1999)."""
     facts: Mapping[str, Any] = field(default_factory=dict)
-    """How it was trained, as plain data."""
+    """Facts about the training, as plain data."""
     sha256: str = ""
-    """Of its file; empty when it was not loaded from one."""
+    """SHA-256 of the model's file; empty if it was not loaded from a file."""
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """Names of its inputs."""
+        """Names of the network's inputs."""
         return KINDS[self.kind]
 
     def raw_logits(self, inputs: Inputs) -> Array:
-        """Return the network's own answers (K,), averaged over the symmetries."""
+        """Return the network's outputs (K,) before calibration, averaged over the symmetries."""
         return _answers(self.network, {name: inputs[name] for name in self.uses}, CHUNK)
 
     def predict(self, inputs: Inputs) -> Array:
         """Return the probability (K,) that each grasp holds.
 
         Args:
-            inputs: What it ``uses``; more is left alone.
+            inputs: The inputs that it ``uses``; others are ignored.
         """
         logits = self.slope * self.raw_logits(inputs) + self.offset
         small = exp(-np.abs(logits))  # exp of the logits would overflow
@@ -75,9 +80,9 @@ class GraspModel:
     def log_odds(self, inputs: Inputs) -> Array:
         """Return the logarithm of the odds (K,) that each grasp holds, in steps of ``STEP``.
 
-        They are the same on all processors, whose kernels differ in the last bits: an answer so
-        near the middle between two steps that single precision cannot tell which is nearer is
-        worked out in double precision.
+        They are the same on all processors, although kernels differ in the last bits: an output so
+        close to the middle between two steps that the error of single precision could change the
+        rounding is computed again in double precision.
         """
         raw = self.raw_logits(inputs)
         odds = self.slope * raw + self.offset
@@ -88,11 +93,11 @@ class GraspModel:
             used = {name: inputs[name][unsure] for name in self.uses}
             exact = _answers(copy.deepcopy(self.network).double(), used, EXACT_CHUNK)
             steps[unsure] = (self.slope * exact + self.offset) / STEP
-        return np.rint(steps) * STEP + 0.0  # never -0.0, which is other bytes
+        return np.rint(steps) * STEP + 0.0  # + 0.0 because -0.0 has different bytes
 
 
 def _answers(network: GraspNet, inputs: Inputs, size: int) -> Array:
-    """Return a network's answers (K,), ``size`` grasps at a time."""
+    """Return a network's outputs (K,), computed for ``size`` grasps at a time."""
     import torch
 
     count = len(next(iter(inputs.values())))

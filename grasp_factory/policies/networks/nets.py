@@ -1,4 +1,4 @@
-"""The networks: a trunk for each input, and a head over their features."""
+"""The architecture of the networks: a trunk for each input, and a head on their features."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from grasp_factory.policies.networks.inputs import IMAGE, TOUCH, WIDTH
 
 IMAGE_FEATURES, TOUCH_FEATURES, HIDDEN = 64, 32, 64
 CHANNELS = (16, 32, 64)
-"""Of the image's trunk, at a half, a quarter and an eighth of its size."""
+"""Channels of the image trunk at 1/2, 1/4 and 1/8 of the image's size."""
 DROPOUT = 0.3
 
 
 class GraspNet(nn.Module):
-    """One logit a grasp, from the inputs that are named.
+    """A network that returns one logit for each grasp, from the given inputs.
 
-    For 48 x 48 pixels 200,000 parameters with an image, 16,000 with touch alone.
+    It has 200,000 parameters with images of 48 x 48 pixels, 16,000 with touch only.
     """
 
     def __init__(self, uses: Sequence[str], size: int) -> None:
-        """Build it with random weights.
+        """Initialise the network with random weights.
 
         Args:
-            uses: Names of inputs.
-            size: Pixels a side of images.
+            uses: Names of the inputs.
+            size: Width and height of the images, pixels.
         """
         super().__init__()
         trunks: dict[str, nn.Module] = {}
@@ -45,7 +45,7 @@ class GraspNet(nn.Module):
         )
 
     def forward(self, inputs: Mapping[str, Tensor]) -> Tensor:
-        """Return the logits (K,) of ``inputs``, named as in ``networks.inputs``."""
+        """Return the logits (K,) for ``inputs``; the names are those in ``networks.inputs``."""
         found = [trunk(inputs[name]) for name, trunk in self.trunks.items()]
         if self.takes_width:
             found.append(inputs[WIDTH])
@@ -54,7 +54,7 @@ class GraspNet(nn.Module):
 
 
 class _Residual(nn.Module):
-    """Two convolutions around which the input also passes by (He et al., 2016)."""
+    """A residual block: the input is added to the result of two convolutions (He et al., 2016)."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -74,7 +74,7 @@ def _convolution(ins: int, outs: int, kernel: int = 3, stride: int = 1) -> Seque
 
 
 def _image_trunk(size: int) -> nn.Module:
-    """Return (K, 3, S, S) to (K, 64); positions matter, so there is no average pooling."""
+    """Return a module from (K, 3, S, S) to (K, 64); positions matter, so it has no mean pooling."""
     side = -(-size // 8)
     first, second, third = CHANNELS
     return nn.Sequential(
@@ -90,7 +90,7 @@ def _image_trunk(size: int) -> nn.Module:
 
 
 def _touch_trunk() -> nn.Module:
-    """Return (K, 2, 6, R) to (K, 32)."""
+    """Return a module from (K, 2, 6, R) to (K, 32)."""
     return nn.Sequential(
         nn.Flatten(1, 2),
         nn.Conv1d(12, TOUCH_FEATURES, 5, stride=2, padding=2),
