@@ -10,16 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory import __version__
-from grasp_factory.core import schema
 from grasp_factory.core.atomic_file import fsync
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.core.schema import Field
 from grasp_factory.curation.repair.rebuild import (
     BlockRebuilder,
     Mended,
     RebuiltEpisode,
     files_of,
+)
+from grasp_factory.curation.repair.refusals import (
+    foreign_rows,
+    rows_of_unknown_platform,
+    rows_without_recipe,
+    sensor_added_since,
 )
 from grasp_factory.curation.repair.template import Template
 from grasp_factory.curation.verify.annotation_log import mend_annotations
@@ -109,9 +113,8 @@ class RepairSession:
                 how = "take what is whole into a new store with grasp-factory split"
                 self.failed.append(f"rows stay as they are, for {what}: {how}")
                 return True
-            if broken and (added := _added_since(pieces)):
-                what = f"this version also records {added}, which the store does not have"
-                self.failed.append(f"rows stay as they are: {what}; repair with its own version")
+            if broken and (why := sensor_added_since(pieces)):
+                self.failed.append(why)
                 return True
             self._mend_blocks(template, pieces, sorted(broken))
         return True
@@ -226,7 +229,9 @@ class RepairSession:
         begun = [BlockJob(block=block) for block in blocks if _is_begun(pieces, block)]
         absent = sorted(set(blocks) - {job.block for job in begun})
         if pieces.is_collected:  # the factory does not know these rows
-            self._report_lost(row for block in absent for row in pieces.rows_of(block))
+            if absent:
+                lost = [row for block in absent for row in pieces.rows_of(block)]
+                self.failed.append(rows_without_recipe(lost))
         else:
             self.to_generate = absent
         risky: list[BlockJob] = []
@@ -238,9 +243,9 @@ class RepairSession:
                 if made:
                     self._on_episode(made.index)
             elif message.lost:
-                self._report_lost(message.lost)
+                self.failed.append(rows_without_recipe(message.lost))
             elif message.unknown_platform:
-                self._report_unknown(message.unknown_platform)
+                self.failed.append(rows_of_unknown_platform(message.unknown_platform))
             elif message.foreign and not message.is_risky:
                 foreign.append(message)
                 if self._accept:
@@ -277,37 +282,16 @@ class RepairSession:
         """Report whether rows of another platform were simulated here."""
         if not blocks:
             return
-        rows = ", ".join(str(row) for block in blocks for row in block.foreign)
-        why = blocks[0].difference
+        rows, why = ", ".join(str(r) for b in blocks for r in b.foreign), blocks[0].difference
         if self._accept:
             self.mended.append(f"rows {rows} are of this platform now: {why}")
         else:
-            how = f"repair where they were made, or add {ACCEPT}"
-            what = f"rows {rows} are of another platform and are not simulated here: {why}"
-            self.failed.append(f"{what}; {how}")
-
-    def _report_unknown(self, rows: Iterable[int]) -> None:
-        """Report rows whose fingerprint is lost and that differ when they are simulated here."""
-        numbers = ", ".join(map(str, rows))
-        what = "are lost, and the rows have other bytes when they are simulated here"
-        self.failed.append(f"fingerprints of rows {numbers} {what}: repair where they were made")
-
-    def _report_lost(self, rows: Iterable[int]) -> None:
-        """Report rows that cannot be rebuilt."""
-        if numbers := ", ".join(map(str, rows)):
-            what = "cannot be made again: nothing is left that tells the recipe"
-            self.failed.append(f"rows {numbers} {what}")
+            self.failed.append(foreign_rows(rows, why))
 
 
 def _is_of_root(problems: Iterable[Problem]) -> bool:
     """Return whether one of these is a problem of the root's own metadata."""
     return any(problem.episode is None and not problem.array for problem in problems)
-
-
-def _added_since(pieces: PartialStore) -> str:
-    """Return an array that episodes have here and not in a store; empty if there is none."""
-    here = schema.digested(schema.expand(pieces.config))
-    return next((path for path in here if path not in pieces.fields), "")
 
 
 def _is_begun(pieces: PartialStore, block: int) -> bool:

@@ -1,0 +1,38 @@
+"""The reasons why rows are not simulated again, as lines of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from grasp_factory.core import schema
+from grasp_factory.core.platforms import ACCEPT
+from grasp_factory.curation.verify.partial_store import PartialStore
+
+
+def foreign_rows(rows: str, difference: str) -> str:
+    """Return the line for rows of another platform, and how it differs from this one."""
+    what = f"rows {rows} are of another platform and are not simulated here: {difference}"
+    return f"{what}; repair where they were made, or add {ACCEPT}"
+
+
+def rows_of_unknown_platform(rows: Iterable[int]) -> str:
+    """Return the line for rows without a fingerprint that differ when they are simulated here."""
+    numbers = ", ".join(map(str, rows))
+    what = "are lost, and the rows have other bytes when they are simulated here"
+    return f"fingerprints of rows {numbers} {what}: repair where they were made"
+
+
+def rows_without_recipe(rows: Iterable[int]) -> str:
+    """Return the line for rows whose recipe is lost."""
+    numbers = ", ".join(map(str, rows))
+    return f"rows {numbers} cannot be made again: nothing is left that tells the recipe"
+
+
+def sensor_added_since(pieces: PartialStore) -> str:
+    """Return the line for a store from before a sensor was added; empty for any other."""
+    here = schema.digested(schema.expand(pieces.config))
+    added = next((path for path in here if path not in pieces.fields), "")
+    if not added:
+        return ""
+    what = f"this version also records {added}, which the store does not have"
+    return f"rows stay as they are: {what}; repair with its own version"
