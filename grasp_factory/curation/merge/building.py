@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core import schema
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.curation.merge.annotation_transfer import carry_annotations, check_annotations
 from grasp_factory.curation.merge.label_transfer import carried_labels
@@ -75,7 +76,7 @@ def build(
             joints=first.reader.joints,
             n=len(plan.store),
             carried=carried,
-            fields=first.reader.fields.values(),
+            fields=_fields(first),
         )
         on_start(int(np.sum(statuses > 0)))
         _copy(order, aside, on_row)
@@ -107,6 +108,12 @@ def _attributes(order: Order) -> dict[str, Any]:
     if order.is_plain:
         return attributes
     return attributes | {SOURCES: to_plain(order.seeds)}
+
+
+def _fields(source: SourceStore) -> list[schema.Field]:
+    """Return the fields of a source, and the column of fingerprints, which an old one lacks."""
+    known = {*source.reader.fields, schema.FINGERPRINT.path}
+    return [field for field in schema.expand(source.config) if field.path in known]
 
 
 def _statuses(order: Order) -> NDArray[np.uint8]:
