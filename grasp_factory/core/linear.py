@@ -7,10 +7,23 @@ results IEEE 754 defines. All code that computes stored bytes from a seed uses t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+
+def total(values: Iterable[float]) -> float:
+    """Return the sum of numbers, added from the first to the last.
+
+    From Python 3.12 on, ``sum`` adds floats with a compensation, which changes the last bit.
+    """
+    out = 0.0
+    for value in values:
+        out += value
+    return out
 
 
 def product(A: Array, B: Array) -> Array:

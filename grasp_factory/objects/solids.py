@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from grasp_factory.core.geometry import Array, Pose, Vector3, apply, quat_xyzw_to_matrix, transform
-from grasp_factory.core.linear import determinant, length, norm, product, turned
+from grasp_factory.core.linear import determinant, length, norm, product, total, turned
 from grasp_factory.objects.base import Compound, Part
 from grasp_factory.objects.obj_file import triangles
 
@@ -89,7 +89,7 @@ def moments(parts: Sequence[Part]) -> Moments:
         for part in parts
     ]
     return Moments(
-        sum(m.volume for m in moved),
+        total(m.volume for m in moved),
         np.sum([m.first for m in moved], axis=0),
         np.sum([m.second for m in moved], axis=0),
     )

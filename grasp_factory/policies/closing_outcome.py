@@ -49,7 +49,7 @@ def close_on(surface: Surface, T_world_tcp: Array, gripper: Gripper) -> Grip | N
     foremost = left.foremost, -right.foremost
     middle = (left.middle + right.middle) / 2.0
     return Grip(
-        shift=sum(foremost) / 2.0,
+        shift=(foremost[0] + foremost[1]) / 2.0,
         span=foremost[0] - foremost[1],
         angle=max(left.angle, right.angle),
         size=min(left.size, right.size),

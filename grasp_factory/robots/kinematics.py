@@ -21,7 +21,7 @@ from grasp_factory.core.geometry import (
     rotation_of_rpy,
     transform,
 )
-from grasp_factory.core.linear import length, product
+from grasp_factory.core.linear import length, product, total
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class Chain:
     def reach(self) -> float:
         """Upper bound for the distance from the first joint's origin to the tip, metres."""
         links = [*self.T_previous_joint[1:], self.T_joint_tip]
-        return float(sum(length(T[:3, 3]) for T in links))
+        return total(float(length(T[:3, 3])) for T in links)
 
     def fk(self, q: ArrayLike) -> Array:
         """Return ``T_base_tip``, shape (..., 4, 4), at joint angles (..., n) in rad."""

@@ -14,6 +14,7 @@ from grasp_factory.core.linear import (
     norm,
     product,
     solve_definite,
+    total,
     turned,
     turned_back,
 )
@@ -82,3 +83,8 @@ def test_solving_leaves_its_arguments_as_they_were():
 def test_determinants_are_signed_volumes():
     A = RNG.normal(size=(20, 3, 3))
     np.testing.assert_allclose(determinant(A), np.linalg.det(A), rtol=1e-12)
+
+
+def test_a_sum_is_the_same_on_every_python() -> None:
+    assert total([0.1] * 10) == 0.9999999999999999  # 1.0 by sum() of Python 3.12 and newer
+    assert total([]) == 0.0

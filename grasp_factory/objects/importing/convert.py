@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 
 from grasp_factory.core.cache import digest
 from grasp_factory.core.geometry import Array, Pose, Vector3, transform
+from grasp_factory.core.linear import total
 from grasp_factory.objects.base import PRIMITIVES, Part
 from grasp_factory.objects.folder import MAX_PRIMITIVES, MAX_REACH, Geometry
 from grasp_factory.objects.importing.base import UnusableError
@@ -125,7 +126,7 @@ def _measured(
 
 def _distribution(found: Sequence[Moments]) -> tuple[float, Pose, Vector3]:
     """Return the volume, the centre of mass with the principal axes, and ``gyration_squared``."""
-    volume = sum(one.volume for one in found)
+    volume = total(one.volume for one in found)
     com = np.sum([one.first for one in found], axis=0) / volume
     second = np.sum([one.second for one in found], axis=0) / volume - np.outer(com, com)
     R, (x, y, z) = principal_axes(second)
@@ -149,7 +150,7 @@ def _sum_of(hulls: Sequence[ConvexHull]) -> Moments:
         for faces in [hull.points[hull.simplices]]
     ]
     return Moments(
-        sum(one.volume for one in found),
+        total(one.volume for one in found),
         np.sum([one.first for one in found], axis=0),
         np.sum([one.second for one in found], axis=0),
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from grasp_factory.core.elementary import LARGEST_ANGLE
 from grasp_factory.core.geometry import Array, Pose, Vector3, apply, rotation_of_rpy, transform
+from grasp_factory.core.linear import total
 from grasp_factory.errors import shown
 from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.folder_listing import suffix
@@ -83,7 +84,7 @@ def parse_urdf(data: bytes) -> Urdf:
         collision=collision,
         visual=tuple(shapes["visual"]) if shapes["collision"] else (),
         files=tuple(files),
-        mass=sum(known) or None,
+        mass=total(known) or None,
         inertial=valid[0] if len(valid) == len(known) == 1 else None,
         friction=_friction(links),
         color=_color(root, links),

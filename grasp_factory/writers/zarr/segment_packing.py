@@ -92,4 +92,5 @@ def _write(path: Path, blocks: range, members: dict[str, NDArray[Any]]) -> None:
         write_placeholder(path, FOLDER, DESCRIPTION)
     content = io.BytesIO()
     np.savez(content, allow_pickle=False, **members)  # writes no dates: the same bytes each time
-    write_atomic(file, content.getbuffer(), durable=True)
+    with content.getbuffer() as data:
+        write_atomic(file, data, durable=True)
