@@ -123,7 +123,7 @@ def lookup(table: Mapping[str, T], kind: str, name: str) -> T:
     """
     if name in table:
         return table[name]
-    valid = ", ".join(sorted(table)) or "there are none"
+    valid = ", ".join(sorted(table)) or "none"
     raise UnknownNameError(
         f"unknown {kind} {shown(name)}{did_you_mean(name, table)} (valid: {valid})"
     )

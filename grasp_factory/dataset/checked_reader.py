@@ -55,7 +55,7 @@ def checked_arrays(
         StoreError: if the store has no digests, its metadata does not match its checksum, or its
             arrays have different numbers of rows.
     """
-    if schema.DIGESTS.path not in arrays:
+    if not digested_paths(arrays):
         raise StoreError(f"{path} has no checksums of single arrays: open it without checked=True")
     for name in ("", *arrays):
         if not is_sealed(path / name / "zarr.json"):

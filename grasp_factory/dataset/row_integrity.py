@@ -13,7 +13,7 @@ from grasp_factory.core.episode import checksum
 from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.digests import digest
-from grasp_factory.writers.zarr.header import SOURCES
+from grasp_factory.writers.zarr.header import SOURCES, recorded_arrays
 
 QUARANTINE_PATHS = ("episodes/spec", "episodes/seed", "episodes/index", schema.ERROR.path)
 """Paths of the values that a store keeps of a quarantined episode."""
@@ -37,12 +37,13 @@ def digested_paths(arrays: Mapping[str, StoredArray]) -> tuple[str, ...]:
     """Return the paths of the arrays that have digests, in the order of the digests.
 
     Args:
-        arrays: the arrays of a store, by path; without the array of digests, the result is empty.
+        arrays: the arrays of a store, by path; without the array of digests, or if its list of
+            paths is damaged, the result is empty.
     """
     if schema.DIGESTS.path not in arrays:
         return ()
-    attributes: dict[str, Any] = arrays[schema.DIGESTS.path].zarr.attrs.asdict()
-    return tuple(attributes.get("arrays", ()))
+    array = arrays[schema.DIGESTS.path].zarr
+    return recorded_arrays({"attributes": array.attrs.asdict(), "shape": list(array.shape)})
 
 
 def mismatched(

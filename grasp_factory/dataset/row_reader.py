@@ -55,7 +55,13 @@ class RowReader:
             check_lengths(path, self._arrays)
         except StoreError as error:
             raise StoreError(f"{error}; {mending(path)}") from None
-        self.joints: int = self._arrays["streams/joint_positions"].zarr.shape[-1]
+        self.joints: int = self._joints()
+
+    def _joints(self) -> int:
+        path = "streams/joint_positions"
+        if path not in self._arrays:
+            raise StoreError(f"{self.path} is damaged: {path} is missing; {mending(self.path)}")
+        return int(self._arrays[path].zarr.shape[-1])
 
     def read(self, start: int, stop: int) -> Iterator[StoredRow]:
         """Yield rows ``start`` to ``stop`` - 1, which are all in one block.

@@ -84,7 +84,7 @@ class Chain:
     def reach(self) -> float:
         """Upper bound for the distance from the first joint's origin to the tip, metres."""
         links = [*self.T_previous_joint[1:], self.T_joint_tip]
-        return total(float(length(T[:3, 3])) for T in links)
+        return total(length(T[:3, 3]) for T in links)
 
     def fk(self, q: ArrayLike) -> Array:
         """Return ``T_base_tip``, shape (..., 4, 4), at joint angles (..., n) in rad."""

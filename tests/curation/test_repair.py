@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,7 @@ from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr import layout, segment_packing
 from grasp_factory.writers.zarr.lock import StoreLock
-from grasp_factory.writers.zarr.metadata_checksum import set_rows
+from grasp_factory.writers.zarr.metadata_checksum import seal, set_rows
 
 pytestmark = pytest.mark.slow
 
@@ -384,6 +385,33 @@ def test_metadata_is_not_made_again_by_a_version_that_writes_it_otherwise(
     assert not result.is_whole
     assert "is not as this version writes it" in result.failed[0]
     assert tree(copy) == before
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda paths: paths[:-1],
+        lambda paths: [*paths[:-1], paths[0]],
+        lambda paths: [[path] for path in paths],
+        len,
+    ],
+    ids=["one less", "one twice", "no texts", "no list"],
+)
+def test_a_list_of_arrays_with_digests_that_is_no_such_list_is_named_and_made_again(
+    store: Path, copy: Path, tmp_path: Path, change: Callable[[list[str]], Any]
+) -> None:
+    file = copy / "episodes" / "array_crc32c" / "zarr.json"
+    document = json.loads(file.read_bytes())
+    document["attributes"]["arrays"] = change(document["attributes"]["arrays"])
+    file.write_text(json.dumps(document))
+    seal(file)
+    (problem,) = verify(copy).problems
+    assert problem.what == "zarr.json does not list the array of each column"
+    with pytest.raises(StoreError, match="no checksums of single arrays"):
+        Dataset.open(copy, checked=True)
+    assert split(copy, tmp_path / "part", [0]).committed == 1
+    assert repair(copy).is_whole
+    assert_same_tree(store, copy)
 
 
 def test_it_is_said_when_an_episode_comes_out_otherwise(

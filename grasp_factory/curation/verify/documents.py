@@ -15,7 +15,12 @@ from grasp_factory.curation.verify.length import document_rows
 from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, shown
 from grasp_factory.writers.zarr import layout
-from grasp_factory.writers.zarr.header import fields_of, first_line, read_attributes
+from grasp_factory.writers.zarr.header import (
+    fields_of,
+    first_line,
+    read_attributes,
+    recorded_arrays,
+)
 from grasp_factory.writers.zarr.metadata_checksum import SEAL, is_intact
 
 FILE = "zarr.json"
@@ -83,6 +88,8 @@ def array_documents(path: Path, config: FactoryConfig) -> Iterator[tuple[str, An
     is_ours = attributes["versions"].get("grasp_factory") == __version__
     for name, field in fields.items():
         document, fault = read_document(path / name / FILE)
+        if not fault and field == schema.DIGESTS and not recorded_arrays(document):
+            fault = f"{FILE} does not list the array of each column"
         if not fault and is_ours and not _is_of(document, field, recorded):
             fault = f"{FILE} is that of another array"
         yield name, document, fault

@@ -130,20 +130,29 @@ def fields_of(path: Path, config: FactoryConfig, attributes: Mapping[str, Any]) 
     fields = {row.path: row for row in schema.expand(config)}
     if FINGERPRINT not in attributes and not (path / schema.FINGERPRINT.path).exists():
         del fields[schema.FINGERPRINT.path]
-    recorded = _recorded_arrays(path / schema.DIGESTS.path / "zarr.json")
+    try:
+        document = json.loads((path / schema.DIGESTS.path / "zarr.json").read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return fields
+    recorded = recorded_arrays(document) if is_intact(document) else ()
     if not recorded:
         return fields
     known = {*recorded, *schema.NOT_IN_AN_EPISODE}
     return {name: field for name, field in fields.items() if name in known}
 
 
-def _recorded_arrays(file: Path) -> list[str]:
-    """Return the paths of the arrays that have digests; none if the ``zarr.json`` is damaged."""
-    try:
-        document = json.loads(file.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return []
-    return list(document["attributes"].get("arrays", ())) if is_intact(document) else []
+def recorded_arrays(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the paths of the arrays that have digests, in the order of the digests.
+
+    Args:
+        document: the ``zarr.json`` of the array of digests. If it lists no path, another number
+            of paths than the array has columns, or a path twice, the result is empty.
+    """
+    paths, shape = document["attributes"].get("arrays"), document.get("shape")
+    if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
+        return ()
+    is_whole = isinstance(shape, list) and shape[1:] == [len(paths)] == [len(set(paths))]
+    return tuple(paths) if is_whole else ()
 
 
 def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
