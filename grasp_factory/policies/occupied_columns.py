@@ -39,7 +39,7 @@ class SolidColumns:
         tops = np.zeros(len(found))
         np.maximum.at(tops, inverse, points[:, 2])
         indices = np.stack([found // stride, found % stride], axis=1) + lowest
-        return cls((indices + 0.5) * CELL, tops)
+        return cls((indices.astype(np.float64) + 0.5) * CELL, tops)
 
     def centroid(self) -> Array:
         """Return the centroid of the columns' volume, (3,) metres, world frame."""

@@ -25,6 +25,7 @@ from grasp_factory.factory.block_job import Made
 
 if TYPE_CHECKING:
     from grasp_factory.apps.browse.serving import Server
+    from grasp_factory.dataset.index import Index
     from grasp_factory.factory.generate import RunPlan
 
 HOST = "127.0.0.1"
@@ -71,6 +72,7 @@ class LiveView:
             raise UsageError(f"--live-port {port}: {why}") from None
         self._tell, self._announce = tell, announce
         self._watch: RunWatch | None = None
+        self._index: Index | None = None
         self._server: Server | None = None
         self._opener = threading.Thread(target=self._open, name="live view", daemon=True)
         self._token = secrets.token_urlsafe(24)
@@ -134,6 +136,8 @@ class LiveView:
                 self._wait_for_pages()
             if self._server is not None:
                 self._server.stop()
+            if self._index is not None:
+                self._index.close()
         if self._server is None and self._socket is not None:
             self._socket.close()
 
@@ -146,8 +150,8 @@ class LiveView:
             from grasp_factory.apps.browse.serving import Server, own_names
             from grasp_factory.dataset.index import fresh
 
-            index = fresh([self._watch.path])
-            app = create_app(index, self._token, own_names(HOST), live=self)
+            self._index = fresh([self._watch.path])
+            app = create_app(self._index, self._token, own_names(HOST), live=self)
             self._server = Server(app, self._socket).start()
 
     @contextlib.contextmanager

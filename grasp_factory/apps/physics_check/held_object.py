@@ -28,7 +28,9 @@ def at_rest(episodes: Iterable[Episode]) -> list[Figure]:
 
     The figures are in per cent of the weight.
     """
-    pads, wrist, moments = [], [], []
+    pads: list[float] = []
+    wrist: list[float] = []
+    moments: list[float] = []
     for episode in episodes:
         records = _rest_records(episode)
         weight = _weight(episode)
