@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from support import fake_blocks as blocks
 from support.places import TESTS
 
 from grasp_factory.errors import RecipeError, WorkerError
-from grasp_factory.factory.executors import InlineExecutor, ProcessExecutor, make_executor
+from grasp_factory.factory.executors import InlineExecutor, ProcessExecutor, make_executor, pool
 
 ROOT = TESTS.parent
 pytestmark = pytest.mark.timeout(60)
@@ -174,6 +175,19 @@ def test_a_worker_does_not_mind_the_ctrl_c_that_is_for_the_coordinator() -> None
         os.kill(pid, signal.SIGINT)
 
     assert ProcessExecutor(1).run(blocks.naps, [0, 1], interrupt) == [0, 1]
+
+
+def test_ctrl_c_that_another_thread_receives_waits_until_a_worker_has_started() -> None:
+    done, begin = [], threading.Event()
+    receive = lambda: begin.wait() and signal.raise_signal(signal.SIGINT)  # noqa: E731
+    thread = threading.Thread(target=receive)
+    thread.start()  # now: later it would block the signal, as a worker does
+    with pytest.raises(KeyboardInterrupt), pool._no_interrupt():
+        begin.set()
+        thread.join()
+        done.append("started")
+    assert done == ["started"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_worker_that_is_stopped_tidies_up_after_itself(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import math
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -52,6 +53,7 @@ ONE_THREAD = {
 """Environment variables of workers: the workers already share the cores among themselves."""
 
 _SPAWN = multiprocessing.get_context("spawn")
+_POSTPONED = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
 _OVERSLEPT_S = 5.0
 """Seconds of delay after which this process assumes that it and its workers were suspended."""
 
@@ -219,9 +221,34 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _no_interrupt() -> Iterator[None]:
-    """Block SIGINT and SIGTERM for a while; a child started meanwhile never receives Ctrl-C."""
+    """Postpone signals to the end of the block; a child started meanwhile never receives Ctrl-C.
+
+    The child inherits the signal mask. For this process a mask is not enough: another thread, such
+    as that of a progress bar, may receive the signal, and then Python runs its handler in the main
+    thread nevertheless. A child whose start is cut short ends with a traceback.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        yield
+        with _handled_later():
+            yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _handled_later() -> Iterator[None]:
+    """Run Python's signal handlers at the end of the block; in another thread they never run."""
+    came: list[int] = []
+    handlers = {number: signal.getsignal(number) for number in _POSTPONED}
+    ours = {number: handler for number, handler in handlers.items() if callable(handler)}
+    if threading.current_thread() is not threading.main_thread():
+        ours = {}
+    try:
+        for number in ours:
+            signal.signal(number, lambda number, frame: came.append(number))
+        yield
+    finally:
+        for number, handler in ours.items():
+            signal.signal(number, handler)
+        for missed in came:
+            signal.raise_signal(missed)
