@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,9 @@ settings.register_profile(
     "fixed", derandomize=True, deadline=None, database=None, max_examples=scaled(40, 100)
 )
 settings.load_profile("fixed")
+
+# A shell starts a background command with Ctrl-C ignored, and its children inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
