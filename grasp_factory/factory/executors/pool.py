@@ -224,8 +224,8 @@ def _no_interrupt() -> Iterator[None]:
     """Postpone signals to the end of the block; a child started meanwhile never receives Ctrl-C.
 
     The child inherits the signal mask. For this process a mask is not enough: another thread, such
-    as that of a progress bar, may receive the signal, and then Python runs its handler in the main
-    thread nevertheless. A child whose start is cut short ends with a traceback.
+    as one of OpenBLAS, may receive the signal, and then Python runs its handler in the main thread
+    nevertheless. A child whose start is cut short ends with a traceback.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
