@@ -178,7 +178,7 @@ def test_a_worker_does_not_mind_the_ctrl_c_that_is_for_the_coordinator() -> None
 
 
 def test_ctrl_c_that_another_thread_receives_waits_until_a_worker_has_started() -> None:
-    done, begin = [], threading.Event()
+    done, begin, before = [], threading.Event(), signal.getsignal(signal.SIGINT)
     receive = lambda: begin.wait() and signal.raise_signal(signal.SIGINT)  # noqa: E731
     thread = threading.Thread(target=receive)
     thread.start()  # now: later it would block the signal, as a worker does
@@ -187,7 +187,7 @@ def test_ctrl_c_that_another_thread_receives_waits_until_a_worker_has_started() 
         thread.join()
         done.append("started")
     assert done == ["started"]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_worker_that_is_stopped_tidies_up_after_itself(tmp_path: Path) -> None:

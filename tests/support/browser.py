@@ -127,9 +127,8 @@ class Page:
         self.until(clicked, f"{selector} is clicked")
 
     def text(self, testid: str) -> str:
-        """Return the text of an element, looked for again if the page replaces it meanwhile."""
-        (text,) = self.until(lambda: (self.one(testid).text,), f"{testid} has a text")
-        return str(text)
+        """Wait until an element has a text, and return it."""
+        return str(self.until(lambda: self.one(testid).text, f"{testid} has a text"))
 
     def until(self, condition: Callable[[], T], what: str = "a condition") -> T:
         """Wait until a condition holds, and return what it returned.
