@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.elsewhere import HERE, THERE, made_there, move, set_attributes, set_texts
 from support.platform_processes import WITHOUT_FMA, command, needs_fma
-from support.stored import old_store
+from support.stored import made_here_but_for_our_version, old_store
 
 from grasp_factory import __version__
 from grasp_factory.cli.replay_report import replay_text
@@ -158,14 +158,15 @@ class TestWhatIsComparedWith:
         assert replay(tmp_path / "few", 0).fingerprint == ""
 
     def test_is_told_to_be_unknown_in_a_store_of_a_version_without_fingerprints(
-        self, tmp_path: Path
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         store = old_store(tmp_path)
+        made_here_but_for_our_version(store, monkeypatch)
         for row in (0, 3):
             result = replay(store, row)
             assert (result.fingerprint, result.differing) == ("", ())
             assert "does not tell which platform made the episode" in replay_text(result)
-            assert f"grasp_factory: 0.4.0, now {__version__}" in result.changed
+            assert result.changed == (f"grasp_factory: 0.4.0, now {__version__}",)
 
 
 @needs_fma

@@ -34,7 +34,7 @@ from support.damage import (
 from support.elsewhere import HERE, THERE, made_there, move, set_texts
 from support.helpers import tree
 from support.scale import scaled
-from support.stored import old_store
+from support.stored import made_here_but_for_our_version, old_store
 from zarr.codecs import GzipCodec
 
 from grasp_factory import __version__
@@ -601,11 +601,15 @@ class TestFingerprints:
         assert report.is_whole
         assert report.notes == ()
 
-    def test_a_store_of_a_version_without_fingerprints_is_whole(self, tmp_path: Path) -> None:
-        report = verify(old_store(tmp_path))
+    def test_a_store_of_a_version_without_fingerprints_is_whole(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        store = old_store(tmp_path)
+        made_here_but_for_our_version(store, monkeypatch)
+        report = verify(store)
         assert (report.committed, report.quarantined, report.notes) == (3, 1, ())
         assert report.is_whole
-        assert f"grasp_factory: 0.4.0, now {__version__}" in report.changed
+        assert report.changed == (f"grasp_factory: 0.4.0, now {__version__}",)
 
 
 class TestDeep:

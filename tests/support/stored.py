@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import atexit
+import json
 import shutil
 import tempfile
 import zipfile
 from functools import cache
 from pathlib import Path
 
+import pytest
 from support.fake_episodes import JOINTS, make_rows, small_config
 
+from grasp_factory import __version__
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.factory.generate import generate
+from grasp_factory.writers.zarr import made_with
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
@@ -47,6 +51,14 @@ def old_store(folder: Path) -> Path:
     with zipfile.ZipFile(OLD) as file:
         file.extractall(folder / "old.zarr")
     return folder / "old.zarr"
+
+
+def made_here_but_for_our_version(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let this environment be the one that made a store, with another version of this package."""
+    recorded = json.loads((store / "zarr.json").read_text())["attributes"]
+    versions = recorded["versions"] | {"grasp_factory": __version__}
+    here = recorded | {"versions": versions}
+    monkeypatch.setattr(made_with, "root_attributes", lambda config, more: here)
 
 
 def with_a_quarantined_row(path: Path) -> Path:

@@ -237,12 +237,11 @@ def _no_interrupt() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _handled_later() -> Iterator[None]:
-    """Run Python's signal handlers at the end of the block; in another thread they never run."""
+    """Run Python's signal handlers at the end of the block; they run in the main thread alone."""
     came: list[int] = []
-    handlers = {number: signal.getsignal(number) for number in _POSTPONED}
+    is_main = threading.current_thread() is threading.main_thread()
+    handlers = {number: signal.getsignal(number) for number in _POSTPONED if is_main}
     ours = {number: handler for number, handler in handlers.items() if callable(handler)}
-    if threading.current_thread() is not threading.main_thread():
-        ours = {}
     try:
         for number in ours:
             signal.signal(number, lambda number, frame: came.append(number))
