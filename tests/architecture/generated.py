@@ -8,12 +8,17 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from architecture.test_rooms import OWNERS, PACKAGE, ROOMS, SIMULATES, WALLS, arrows, reachable
 from support.places import DOCS
 
 from grasp_factory.core.schema import markdown_table
 
+STATIC = PACKAGE / "apps" / "browse" / "static"
+CONFIG = PACKAGE / "core" / "config"
+CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]+")
+SCRIPT_NAME = re.compile(r"^(?:export )?const (\w+)", re.MULTILINE)
 PART = re.compile(r"(<!-- generated: ([\w ]+) -->\n).*?(\n<!-- end -->)", re.DOTALL)
 
 
@@ -64,6 +69,39 @@ def owners() -> str:
     return table(("library", "imported only in"), rows)
 
 
+def files() -> str:
+    """Return a table of all Python and JavaScript files of the package."""
+    found = sorted([*PACKAGE.rglob("*.py"), *STATIC.glob("*.js")])
+    rows = [(_name(file), *(_script if file.suffix == ".js" else _module)(file)) for file in found]
+    return table(("file", "purpose", "settings and constants"), [row for row in rows if row[1]])
+
+
+def _name(file: Path) -> str:
+    return f"`{file.relative_to(PACKAGE).as_posix()}`"
+
+
+def _module(file: Path) -> tuple[str, str]:
+    """Return a module's purpose, and its constants and the fields of its settings."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    names = [name for node in tree.body for name in _assigned(node) if CONSTANT.fullmatch(name)]
+    if file.parent == CONFIG:
+        classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+        names += [name for node in classes for field in node.body for name in _assigned(field)]
+    return (ast.get_docstring(tree) or "").partition("\n")[0], _list(names)
+
+
+def _assigned(node: ast.stmt) -> list[str]:
+    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+    return [target.id for target in targets if isinstance(target, ast.Name)]
+
+
+def _script(file: Path) -> tuple[str, str]:
+    """Return a script's purpose, its first comment, and its constants."""
+    text = file.read_text(encoding="utf-8")
+    names = [name for name in SCRIPT_NAME.findall(text) if CONSTANT.fullmatch(name)]
+    return text.partition("\n")[0].removeprefix("// "), _list(names)
+
+
 def _list(names: list[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
@@ -75,8 +113,9 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "walls": walls,
     "owners of libraries": owners,
     "arrays of the store": markdown_table,
+    "files of the package": files,
 }
-PAGES = (DOCS / "architecture.md", DOCS / "reference" / "format.md")
+PAGES = (DOCS / "architecture.md", DOCS / "files.md", DOCS / "reference" / "format.md")
 
 
 def filled(text: str) -> str:

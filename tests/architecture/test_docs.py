@@ -35,7 +35,7 @@ MODULE_RUN = re.compile(r"PYTHONPATH=tests python -m ([\w.]+)")
 WIDEST = 120
 """Characters in a line of prose; rows of tables and lines with addresses may be longer."""
 
-RELATIVE = (REPOSITORY / "CONTRIBUTING.md", DOCS / "architecture.md")
+RELATIVE = (REPOSITORY / "CONTRIBUTING.md", DOCS / "architecture.md", DOCS / "files.md")
 """Pages that also name files of the package by their place in it."""
 
 every_page = pytest.mark.parametrize(
