@@ -1,4 +1,4 @@
-"""The retry policy when a worker dies: its episode is tried once more, then quarantined."""
+"""When a worker dies, its episode is tried once more; when too many episodes fail, a run stops."""
 
 from __future__ import annotations
 

@@ -16,7 +16,11 @@ from support.places import DOCS
 from grasp_factory.core.schema import markdown_table
 
 STATIC = PACKAGE / "apps" / "browse" / "static"
-CONFIG = PACKAGE / "core" / "config"
+SETTINGS = {
+    *(PACKAGE / "core" / "config").glob("*.py"),
+    *(PACKAGE / name for name in ("core/gripper.py", "robots/base.py", "factory/run_request.py")),
+}
+"""Modules whose records hold what a user or a robot's file sets."""
 CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]+")
 SCRIPT_NAME = re.compile(r"^(?:export )?const (\w+)", re.MULTILINE)
 PART = re.compile(r"(<!-- generated: ([\w ]+) -->\n).*?(\n<!-- end -->)", re.DOTALL)
@@ -84,15 +88,22 @@ def _module(file: Path) -> tuple[str, str]:
     """Return a module's purpose, and its constants and the fields of its settings."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     names = [name for node in tree.body for name in _assigned(node) if CONSTANT.fullmatch(name)]
-    if file.parent == CONFIG:
+    if file in SETTINGS:
         classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
         names += [name for node in classes for field in node.body for name in _assigned(field)]
     return (ast.get_docstring(tree) or "").partition("\n")[0], _list(names)
 
 
 def _assigned(node: ast.stmt) -> list[str]:
-    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-    return [target.id for target in targets if isinstance(target, ast.Name)]
+    """Return the names that an assignment sets; nothing for another statement."""
+    match node:
+        case ast.Assign():
+            targets = node.targets
+        case ast.AnnAssign():
+            targets = [node.target]
+        case _:
+            targets = []
+    return [name.id for t in targets for name in ast.walk(t) if isinstance(name, ast.Name)]
 
 
 def _script(file: Path) -> tuple[str, str]:
