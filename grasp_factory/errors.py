@@ -7,7 +7,10 @@ GraspFactoryError
 │   ├── MissingLibraryError     a library that is not installed
 │   └── StoreMismatchError      the path holds another store, or no store
 ├── StoreError                  a store that cannot be read or written (exit code 1)
-│   └── StoreBusyError          another process holds the store
+│   ├── StoreBusyError          another process holds the store
+│   └── RefusedFileError        a file that is not read, because it could do harm
+│       ├── IrregularFileError  a link, a pipe or a device where a store's own file should be
+│       └── LimitError          a part of a store that is larger than a limit
 ├── RecipeError                 a recipe that cannot be built; the episode is quarantined
 ├── WorkerError                 a worker process died; committed episodes stay
 └── FailuresError               too many episodes are quarantined
@@ -72,6 +75,18 @@ class StoreError(GraspFactoryError):
 
 class StoreBusyError(StoreError):
     """Another process is writing to the store."""
+
+
+class RefusedFileError(StoreError):
+    """A file that is not read, because a store from a stranger could do harm by it."""
+
+
+class IrregularFileError(RefusedFileError):
+    """A link, a pipe or a device is where a file of a store should be."""
+
+
+class LimitError(RefusedFileError):
+    """A part of a store is larger than a limit; the message says how to raise it."""
 
 
 class RecipeError(GraspFactoryError):

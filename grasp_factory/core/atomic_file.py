@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeVar
+
+T = TypeVar("T")
 
 PARTIAL = ".partial"
 """Suffix of files that are being written."""
@@ -28,7 +31,8 @@ def write_atomic(
 ) -> None:
     """Write or replace a file.
 
-    After an error the partial file remains; the next write replaces it.
+    After an error the partial file stays; the next write replaces it. A link in its place is not
+    followed: it is removed, as such a file is.
 
     Args:
         file: the file.
@@ -38,7 +42,8 @@ def write_atomic(
     Raises:
         OSError: if it cannot be written.
     """
-    with partial_path(file).open("wb") as partial:
+    partial_path(file).unlink(missing_ok=True)
+    with partial_path(file).open("xb") as partial:
         partial.write(data)
     move_into_place(partial_path(file), file, durable=durable)
 
@@ -85,12 +90,25 @@ def fsync(paths: Iterable[Path]) -> None:
     Raises:
         OSError: if the disk fails.
     """
-    waited_for = list(paths)
+    _at_once(_fsync, paths)
+
+
+def fsync_descriptors(opened: Iterable[Callable[[], int]]) -> None:
+    """Wait as ``fsync`` does for what these functions open; the descriptors are closed.
+
+    Raises:
+        OSError: if the disk fails.
+    """
+    _at_once(_fsync_descriptor, opened)
+
+
+def _at_once(wait: Callable[[T], None], items: Iterable[T]) -> None:
+    waited_for = list(items)
     with ThreadPoolExecutor(_PARALLEL_SYNCS) as pool:
         try:
-            done = pool.map(_fsync, waited_for)
-        except RuntimeError:  # the process cannot start more threads
-            done = map(_fsync, waited_for)
+            done = pool.map(wait, waited_for)
+        except RuntimeError:  # the process may start no more threads
+            done = map(wait, waited_for)
         for _ in done:
             pass  # raises the exception of a failed fsync
 
@@ -101,7 +119,11 @@ def fsync_tree(root: Path) -> None:
 
 
 def _fsync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
+    _fsync_descriptor(lambda: os.open(path, os.O_RDONLY))
+
+
+def _fsync_descriptor(opened: Callable[[], int]) -> None:
+    descriptor = opened()
     try:
         os.fsync(descriptor)
     finally:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import re
+import time
 from pathlib import Path
 from uuid import uuid4
 
@@ -18,6 +20,8 @@ MAX_PATH = 900
 PyBullet 3.2.7 cuts the path of a mesh at 1024 characters, and a path that is not ASCII crashes the
 process in ``createCollisionShapeArray``.
 """
+_TOUCH_S = 86_400.0
+"""Seconds after which a used file gets a new modification time."""
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
@@ -88,3 +92,10 @@ def write(path: Path, data: bytes) -> None:
             f"the cache {path.parent} cannot be written: {why}; set {VARIABLE} to a writable"
             " directory"
         ) from None
+
+
+def touch(file: Path) -> None:
+    """Note that a file of the cache is used: set its modification time, once a day."""
+    with contextlib.suppress(OSError):
+        if time.time() - file.stat().st_mtime > _TOUCH_S:
+            os.utime(file)

@@ -17,14 +17,16 @@ from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.config.quality import QualityConfig
-from grasp_factory.core.config.scene import WorkspaceConfig
+from grasp_factory.core.config.recording import check_recording
+from grasp_factory.core.config.scene import MAX_OBJECTS, WorkspaceConfig
 from grasp_factory.core.config.shake import ShakeConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.geometry import Array, Pose
 from grasp_factory.core.gripper import Gripper
+from grasp_factory.core.json_text import parsed
 from grasp_factory.core.schema import FIELDS
 from grasp_factory.core.sensors import series_groups
-from grasp_factory.core.serialization import from_plain, to_plain
+from grasp_factory.core.serialization import check, check_range, from_plain, to_plain
 
 Streams = Mapping[str, NDArray[Any]]
 """Time series that share a clock, by name, each (samples, ...)."""
@@ -58,6 +60,15 @@ class ObjectSpec:
     texture: str = ""
     """An id of ``textures``; empty for the model's own appearance."""
 
+    def __post_init__(self) -> None:
+        check_range(self, "mass", 1e-6, 1000.0, "kg")
+        check_range(self, "lateral_friction", 0.0, 100.0)
+        check_range(self, "scale", 0.01, 100.0)
+        check_range(self, "linear_damping", 0.0, 1.0)
+        check_range(self, "angular_damping", 0.0, 1.0)
+        is_near = all(abs(x) <= 100.0 for x in self.drop_pose.position)
+        check(is_near, "drop_pose", self.drop_pose.position, "within 100 m of the origin")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeSpec:
@@ -85,6 +96,13 @@ class EpisodeSpec:
     label: LabelConfig
     quality: QualityConfig
 
+    def __post_init__(self) -> None:
+        check_range(self, "seed", 0, 2**63 - 1)
+        check_range(self, "index", 0, 2**63 - 1)
+        count = len(self.objects)
+        check(1 <= count <= MAX_OBJECTS, "objects", count, f"1 to {MAX_OBJECTS} objects")
+        check_recording(self)
+
     @property
     def imu_rate(self) -> int:
         """Rate of the IMU, Hz; the same name as in a config."""
@@ -101,7 +119,7 @@ class EpisodeSpec:
         Raises:
             ConfigError: naming the key that is wrong.
         """
-        return from_plain(cls, json.loads(text), "spec")
+        return from_plain(cls, parsed(text), "spec")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,6 +20,7 @@ def open_locked(
     shared: bool = False,
     wait: bool = False,
     check: Callable[[int], None] = lambda descriptor: None,
+    folder: int | None = None,
 ) -> int:
     """Open a file for reading and writing, create it if it is missing, and lock it.
 
@@ -27,12 +28,13 @@ def open_locked(
     so that the locked file is the one with this name.
 
     Args:
-        file: the file; a symbolic link is an error.
-        flags: additional flags of ``os.open``.
-        mode: permissions of the file if it is created.
-        shared: take a shared lock instead of an exclusive one.
-        wait: wait until other processes release the lock.
-        check: called with the descriptor before it is locked; its exceptions are passed on.
+        file: the file; a link is refused.
+        flags: of ``os.open``, in addition.
+        mode: permissions of a file that is created.
+        shared: let others share the lock.
+        wait: wait for others who hold it.
+        check: called with the descriptor before it is locked; what it raises is raised here.
+        folder: descriptor of the directory that a relative path starts at.
 
     Returns:
         The descriptor; closing it releases the lock.
@@ -44,11 +46,11 @@ def open_locked(
     """
     flags |= os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     while True:
-        descriptor = os.open(file, flags, mode)
+        descriptor = os.open(file, flags, mode, dir_fd=folder)
         try:
             check(descriptor)
             _lock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX), wait=wait)
-            if has_name(descriptor, file):
+            if has_name(descriptor, file, folder):
                 return descriptor
         except BaseException:
             os.close(descriptor)
@@ -65,10 +67,11 @@ def try_upgrade(descriptor: int) -> bool:
     return True
 
 
-def has_name(descriptor: int, file: Path) -> bool:
-    """Return whether the file at a path is still the one that the descriptor has open."""
+def has_name(descriptor: int, file: Path, folder: int | None = None) -> bool:
+    """Return whether an open file still has that name; ``folder`` as in ``open_locked``."""
     try:
-        return os.path.samestat(os.fstat(descriptor), os.lstat(file))
+        there = os.stat(file, dir_fd=folder, follow_symlinks=False)
+        return os.path.samestat(os.fstat(descriptor), there)
     except FileNotFoundError:
         return False
 

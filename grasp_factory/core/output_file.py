@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from secrets import token_hex
 
 from grasp_factory.core.atomic_file import replacing
 from grasp_factory.errors import StoreError, UsageError
@@ -72,13 +73,16 @@ def is_in_store(path: Path) -> bool:
 def written_aside(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the same folder; rename it to ``path`` after the block.
 
-    It has the same suffix. If the block raises an exception, the temporary file is removed.
+    It has the same suffix, and a name that nobody can guess: in a folder from a stranger a link of
+    that name could lead to any file. If the block raises, the temporary file is removed.
 
     Raises:
         StoreError: if the file cannot be written.
     """
     try:
-        with replacing(path, path.with_name(f".{path.stem}.partial{path.suffix}")) as partial:
+        partial = path.with_name(f".{token_hex(8)}.partial{path.suffix}")
+        partial.touch(exist_ok=False)
+        with replacing(path, partial):
             yield partial
     except OSError as error:
         raise StoreError(f"{path} cannot be written: {error.strerror or error}") from None

@@ -175,15 +175,18 @@ FIELDS: tuple[Field, ...] = (
 
 def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
     """Return the length of each lettered dimension, for a config and a robot's number of joints."""
-    width, height = config.resolution
     return {group.dim: group.longest(config) for group in series_groups()} | {
         "J": joints,
-        "M": config.clutter.count,
         "A": len(digested(expand(config))),
         "P": MAX_CONTACTS,
-        "H": height,
-        "W": width,
+        **scene_sizes(config),
     }
+
+
+def scene_sizes(config: FactoryConfig) -> dict[str, int]:
+    """Return the lengths of the dimensions of images and objects, the same in every version."""
+    width, height = config.resolution
+    return {"M": config.clutter.count, "H": height, "W": width}
 
 
 def expand(config: FactoryConfig) -> tuple[Field, ...]:

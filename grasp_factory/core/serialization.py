@@ -19,6 +19,8 @@ R = TypeVar("R")
 
 def to_plain(value: Any) -> Any:
     """Return a record as nested dicts, lists and scalars; ``from_plain`` is the inverse."""
+    if isinstance(value, str | int | float) and not isinstance(value, Enum):
+        return value
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Mapping):
@@ -108,11 +110,12 @@ def check_range(record: Any, key: str, low: float, high: float, unit: str = "") 
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:
+    is_right = hint in (str, int, bool) and type(value) is hint  # of most values
+    if is_right or hint is Any:  # what any value is, the code that uses it checks
+        return value
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         return None if value is None else _convert(args[0], value, where)
-    if hint is Any:  # checked by the code that uses it
-        return value
     if dataclasses.is_dataclass(hint):
         return value if isinstance(value, hint) else from_plain(hint, value, where)  # type: ignore[arg-type]
     if origin is tuple:

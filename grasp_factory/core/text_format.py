@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterable, Sequence
 
 
 def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
-    """Return rows as aligned columns; columns whose index is in ``right`` are right-aligned."""
-    cells = [[str(cell) for cell in row] for row in rows]
+    """Return rows as aligned columns; columns with an index in ``right`` are right-aligned."""
+    cells = [[escaped(str(cell)) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     flush = set(right)
     lines = [
@@ -21,11 +22,25 @@ def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return a text with unprintable characters, which may control a terminal, as escape codes."""
+    """Return a text whose unprintable characters, which a terminal may obey, are escape codes."""
+    if text.isprintable():
+        return text
     return "".join(
-        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii")
+        c
+        if c.isprintable() or unicodedata.category(c) == "Zs"  # a space that does not break a line
+        else c.encode("unicode_escape", "surrogatepass").decode("ascii")
         for c in text
     )
+
+
+def escaped_lines(text: str) -> str:
+    """Return a text as ``escaped`` does, but with its line breaks and tabs."""
+    return "\n".join("\t".join(map(escaped, line.split("\t"))) for line in text.split("\n"))
+
+
+def joined_lines(lines: Iterable[str]) -> str:
+    """Return texts as lines: each is one line, whatever is in it."""
+    return "\n".join(map(escaped, lines))
 
 
 def bar(share: float, width: int) -> str:

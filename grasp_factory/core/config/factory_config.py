@@ -16,9 +16,11 @@ from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.config.quality import QualityConfig
 from grasp_factory.core.config.randomization import RandomizeConfig
+from grasp_factory.core.config.recording import check_divides, check_name, check_recording
 from grasp_factory.core.config.scene import ClutterConfig, WorkspaceConfig
 from grasp_factory.core.config.shake import SHAKE_MOTIONS, ShakeConfig
 from grasp_factory.core.enums import Phase
+from grasp_factory.core.json_text import check_depth
 from grasp_factory.core.renderer import Renderer
 from grasp_factory.core.sensors import series_groups
 from grasp_factory.core.serialization import (
@@ -114,23 +116,18 @@ class FactoryConfig:
             raise ConfigError("config: it is nested too deeply; valid: a few levels") from None
         check_range(self, "seed", 0, 2**63 - 1)
         check_range(self, "block_size", 1, 1024)
-        check_range(self, "record_hz", 10, 10_000, "Hz")  # labels are read from the records
-        check_range(self, "imu_hz", 1, 10_000, "Hz")
-        check_range(self, "video_hz", 0, 240, "Hz")
         _check_weights("policies", self.policies)
         _check_weights("object_sets", self.object_sets)
+        for key, embedded in (("object_folders", self.object_folders), ("models", self.models)):
+            for name in embedded:
+                check_name(key, name)
         self._check_splits()
-        check(len(self.cameras) > 0, "cameras", {}, "at least one camera")
-        for name in self.cameras:
-            check(name.isidentifier(), "cameras", name, "names of letters, digits and _")
         self._check_resolution()
         self._check_textures()
-        self._check_divides("record_hz", self.record_hz)
         if self.video_hz:
-            self._check_divides("video_hz", self.video_hz)
             self._check_video()
         for group in series_groups():
-            self._check_divides(f"rate of {group.name}", group.rate(self) or 1)
+            check_divides(self.physics, f"rate of {group.name}", group.rate(self) or 1)
         self._check_randomize()
         valid = f"less than motion.lift_height ({self.motion.lift_height})"
         lift = self.label.min_lift
@@ -148,8 +145,7 @@ class FactoryConfig:
         object.__setattr__(self, "object_splits", ordered)
 
     def _check_resolution(self) -> None:
-        sides = [16 <= side <= 4096 for side in self.resolution]
-        check(all(sides), "resolution", list(self.resolution), "16 to 4096 pixels a side")
+        check_recording(self)
         (width, height), name = self.renderer.largest_image, self.renderer.value
         fits = self.resolution[0] <= width and self.resolution[1] <= height
         valid = f"up to {width}x{height} with renderer {name}"
@@ -172,11 +168,6 @@ class FactoryConfig:
             f" {MAX_VIDEO_GB}; a smaller block_size or resolution helps too"
         )
         check(size <= MAX_VIDEO_GB, "video_hz", self.video_hz, valid)
-
-    def _check_divides(self, key: str, got: int) -> None:
-        for name in ("free_hz", "contact_hz"):
-            rate = getattr(self.physics, name)
-            check(rate % got == 0, key, got, f"a divisor of physics.{name} ({rate})")
 
     def _check_randomize(self) -> None:
         """Check that every value in the ranges of ``randomize`` gives a valid motion and camera."""
@@ -234,6 +225,7 @@ class FactoryConfig:
         Raises:
             ConfigError: naming the key, what it got and what is valid.
         """
+        check_depth("config", data)
         return from_plain(cls, data)
 
     def to_plain(self) -> dict[str, Any]:

@@ -1,0 +1,116 @@
+"""Limits of what is read from files, so that a hostile file cannot exhaust memory or time.
+
+A limit is far above what this package writes. A file that exceeds one is refused in one line, which
+says how to raise the limit: ``grasp-factory --limit NAME=SIZE``, or the environment variable.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+
+from grasp_factory.core.text_format import size_text
+from grasp_factory.errors import LimitError, UsageError, lookup, shown
+
+VARIABLE = "GRASP_FACTORY_LIMITS"
+"""Environment variable with raised limits, such as ``chunk=4GiB,log=1GiB``; children inherit it."""
+_UNITS = {"": 1, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40}
+_SIZE = re.compile(r"(\d{1,15})\s*([KMGT]iB)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """The largest size of one thing that is read."""
+
+    name: str
+    usual: int
+    """Bytes, or a count, unless it was raised."""
+    what: str
+    """The thing, in a message."""
+    is_count: bool = False
+    """Whether the size is a count and not a number of bytes."""
+
+    @property
+    def most(self) -> int:
+        """The limit in this process.
+
+        Raises:
+            UsageError: if the environment variable cannot be read.
+        """
+        text = os.environ.get(VARIABLE, "")
+        return parse(text).get(self.name, self.usual) if text else self.usual
+
+    def check(self, size: int, where: object) -> None:
+        """Check the size of the thing at a place, a path.
+
+        Raises:
+            LimitError: if it exceeds the limit.
+        """
+        if size > self.usual and size > self.most:
+            got, most = (f"{n:,}" if self.is_count else size_text(n) for n in (size, self.most))
+            raise LimitError(f"{where}: {self.what} of {got}, valid: up to {most}; {self.advice}")
+
+    @property
+    def advice(self) -> str:
+        """The end of a message: how to raise the limit."""
+        what = f"grasp-factory --limit {self.name}={'N' if self.is_count else 'SIZE'} ..."
+        return f"if you trust this store, raise the limit: {what}"
+
+
+DOCUMENT = Limit("document", 4 * 2**20, "a JSON document")
+CHUNK = Limit("chunk", 256 * 2**20, "a chunk")
+CHUNK_ROWS = Limit("chunk-rows", 10_000, "a number of rows of a chunk", is_count=True)
+BLOCK = Limit("block", 512 * 2**20, "a block of episodes, expanded,")
+COLUMN = Limit("column", 512 * 2**20, "a column of all rows")
+WORDS = Limit("words", 256 * 2**20, "the text of columns that are read together")
+EMBEDDED = Limit("embedded", 128 * 2**20, "embedded data")
+SEGMENT = Limit("segment", 256 * 2**20, "a column of a packed segment")
+LOG = Limit("log", 8 * 2**20, "a log")
+SIGNED = Limit("signed", 128 * 2**20, "a list of signed files")
+DEPTH = Limit("depth", 32, "a depth of folders", is_count=True)
+ROWS = Limit("rows", 1_000_000, "a number of rows", is_count=True)
+CHUNKS = Limit("chunks", 10_000, "a number of chunks", is_count=True)
+LABELS = Limit("labels", 100, "a number of added labels", is_count=True)
+SIMULATIONS = Limit("simulations", 1000, "a number of rows to simulate again", is_count=True)
+MEMORY = Limit("memory", 768 * 2**20, "the memory of a simulation from a store's recipe")
+CPU = Limit("seconds", 8, "the CPU time of a simulation from a store's recipe", is_count=True)
+LIMITS = {
+    limit.name: limit
+    for limit in (
+        DOCUMENT,
+        CHUNK,
+        CHUNK_ROWS,
+        BLOCK,
+        COLUMN,
+        WORDS,
+        EMBEDDED,
+        SEGMENT,
+        LOG,
+        SIGNED,
+        DEPTH,
+        ROWS,
+        CHUNKS,
+        LABELS,
+        SIMULATIONS,
+        MEMORY,
+        CPU,
+    )
+}
+
+
+def parse(text: str) -> dict[str, int]:
+    """Return limits by name from a text such as ``chunk=4GiB,log=1GiB``.
+
+    Raises:
+        UsageError: for an unknown name, or a size that is no number of bytes.
+    """
+    out = {}
+    for part in filter(None, text.split(",")):
+        name, _, size = part.partition("=")
+        lookup(LIMITS, "limit", name)
+        found = _SIZE.fullmatch(size)
+        if not found:
+            raise UsageError(f"limit {name}: size {shown(size)}, valid: such as 512MiB or 4GiB")
+        out[name] = int(found[1]) * _UNITS[found[2] or ""]
+    return out
