@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence, Set
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,9 +20,10 @@ from zarr.codecs import (
 from zarr.core.chunk_key_encodings import V2ChunkKeyEncoding
 from zarr.core.metadata import ArrayV3Metadata
 
-from grasp_factory.errors import StoreError
-from grasp_factory.writers.zarr.chunks import ShardFile, open_file, unpack, unpack_words
-from grasp_factory.writers.zarr.header import first_line, open_array, read_array
+from grasp_factory.core.limits import CHUNK
+from grasp_factory.errors import RefusedFileError, StoreError
+from grasp_factory.writers.zarr.chunks import ShardFile, unpack, unpack_words
+from grasp_factory.writers.zarr.header import first_line, place_in, read_array
 
 
 class StoredArray(ABC):
@@ -87,20 +86,6 @@ def by_block(rows: NDArray[np.int64], block_size: int) -> list[NDArray[np.intp]]
     return sorted(groups, key=lambda group: int(group[0]))
 
 
-def open_arrays(
-    root: zarr.Group, folder: Path, paths: Iterable[str], needed: Set[str]
-) -> dict[str, StoredArray]:
-    """Return the arrays of a store by path; those that are not needed may be missing.
-
-    A store that was made before an array was added to the schema lacks it.
-
-    Raises:
-        StoreError: if one that is needed is missing, or one is damaged.
-    """
-    there = [p for p in paths if p in needed or (folder / p / "zarr.json").exists()]
-    return {p: stored(open_array(root, p), folder / p) for p in there}
-
-
 _LITTLE = BytesCodec(endian="little")
 _NUMBERS = (BytesCodec(endian=None), _LITTLE)
 _SHARD = ShardingCodec(
@@ -109,16 +94,16 @@ _SHARD = ShardingCodec(
 """Codecs to compare with. Their settings are enums in zarr 3.1, and strings in newer versions."""
 
 
-def stored(array: zarr.Array[Any], folder: Path) -> StoredArray:
-    """Return the fastest reader for the array in ``folder``."""
+def stored(array: zarr.Array[Any]) -> StoredArray:
+    """Return the fastest reader for an array."""
     metadata, shape = array.metadata, array.shape
     if not isinstance(metadata, ArrayV3Metadata) or not _has_our_keys(metadata):
         return ThroughZarr(array)
     match metadata.codecs:
         case (BytesCodec() | VLenUTF8Codec() as values, ZstdCodec()) if (
-            values in (*_NUMBERS, VLenUTF8Codec()) and array.chunks[1:] == shape[1:]
-        ):
-            return ColumnFiles(array, folder)
+            values in _NUMBERS or isinstance(values, VLenUTF8Codec)
+        ) and array.chunks[1:] == shape[1:]:
+            return ColumnFiles(array)
         case (ShardingCodec(codecs=(BytesCodec() as values, ZstdCodec())) as shard,) if (
             values in _NUMBERS
             and _index(shard) == _index(_SHARD)
@@ -126,7 +111,7 @@ def stored(array: zarr.Array[Any], folder: Path) -> StoredArray:
             and array.shards[1:] == shape[1:]
             and _has_whole_pieces(array)
         ):
-            return ShardFiles(array, folder)
+            return ShardFiles(array)
     return ThroughZarr(array)
 
 
@@ -151,7 +136,11 @@ class ThroughZarr(StoredArray):
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
         """See ``StoredArray.read``."""
-        return read_array(self.zarr, slice(start, stop))
+        values = read_array(self.zarr, slice(start, stop))
+        if len(values) != stop - start:
+            what = f"{self.zarr.path} has {self.zarr.shape[0]} rows, and no row {stop - 1}"
+            raise StoreError(f"{self.zarr.store} is damaged, or growing just now: {what}")
+        return values
 
     def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
         """See ``StoredArray.read_frames``."""
@@ -164,9 +153,9 @@ class ThroughZarr(StoredArray):
 class _OurFiles(StoredArray, ABC):
     """Files of a fixed number of rows, named by number with a 0 for each further dimension."""
 
-    def __init__(self, array: zarr.Array[Any], folder: Path, rows: int) -> None:
+    def __init__(self, array: zarr.Array[Any], rows: int) -> None:
         super().__init__(array)
-        self._head, self._tail = f"{folder}/", ".0" * (array.ndim - 1)
+        self._folder, self._tail = place_in(array), ".0" * (array.ndim - 1)
         self._file_rows = rows
         self._dtype, self._shape = array.dtype, array.shape[1:]
         self._fill = array.fill_value
@@ -177,40 +166,39 @@ class _OurFiles(StoredArray, ABC):
         out = np.empty((max(stop - start, 0), *self._shape), self._dtype)
         for file in range(start // size, -(-stop // size)) if start < stop else ():
             first, last = max(start, file * size), min(stop, (file + 1) * size)
-            with self._naming(first, last):
+            try:
                 self._read_file(file, first - file * size, out[first - start : last - start])
+            except Exception as error:
+                raise self._named(error, first, last) from None
         return out
 
     @abstractmethod
     def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
         """Fill ``out`` with rows of a file, from its row ``first`` on."""
 
-    def _name(self, file: int) -> str:
-        return f"{self._head}{file}{self._tail}"
+    def _name(self, number: int) -> str:
+        return f"{number}{self._tail}"
 
-    @contextmanager
-    def _naming(self, start: int, stop: int) -> Iterator[None]:
-        try:
-            yield
-        except Exception as error:  # decoders raise many types for damaged bytes
-            array = self.zarr
-            where = str(array.store).removeprefix("file://")
-            what = f"{array.path} of episodes {start} to {stop - 1} cannot be read"
-            raise StoreError(f"{where}: {what}: {first_line(error)}") from None
+    def _named(self, error: Exception, start: int, stop: int) -> Exception:
+        """Return the error to raise; decoders raise many types for damaged bytes."""
+        if isinstance(error, RefusedFileError):
+            return error
+        array = self.zarr
+        what = f"{array.path} of episodes {start} to {stop - 1} cannot be read"
+        return StoreError(f"{array.store}: {what}: {first_line(error)}")
 
 
 class ColumnFiles(_OurFiles):
     """Reads files of one chunk each."""
 
-    def __init__(self, array: zarr.Array[Any], folder: Path) -> None:
-        super().__init__(array, folder, array.chunks[0])
+    def __init__(self, array: zarr.Array[Any]) -> None:
+        super().__init__(array, array.chunks[0])
         self._is_text = array.dtype.kind == "T"
         self._chunk = array.chunks
 
     def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
         try:
-            with open(open_file(self._name(file)), "rb", buffering=0) as opened:
-                data = opened.read()
+            data = self._folder.read_file(self._name(file), CHUNK)
         except FileNotFoundError:
             out[...] = self._fill
             return
@@ -225,9 +213,9 @@ class ColumnFiles(_OurFiles):
 class ShardFiles(_OurFiles):
     """Reads files of many chunks: one for each episode, or for each of its frames."""
 
-    def __init__(self, array: zarr.Array[Any], folder: Path) -> None:
+    def __init__(self, array: zarr.Array[Any]) -> None:
         assert array.shards
-        super().__init__(array, folder, array.shards[0])
+        super().__init__(array, array.shards[0])
         self._pieces = array.shape[1] // array.chunks[1] if array.ndim > 1 else 1
         """Number of chunks of an episode."""
 
@@ -239,9 +227,11 @@ class ShardFiles(_OurFiles):
         size, wanted = self._file_rows, np.asarray(rows, np.int64)
         for places in by_block(wanted, size):
             within = wanted[places]
-            with self._naming(int(within.min()), int(within.max()) + 1):
-                numbers = (within % size * self._pieces + frame).tolist()
+            numbers = (within % size * self._pieces + frame).tolist()
+            try:
                 self._read_pieces(int(within[0]) // size, numbers, [out[k] for k in places])
+            except Exception as error:
+                raise self._named(error, int(within.min()), int(within.max()) + 1) from None
         return out
 
     def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
@@ -253,7 +243,8 @@ class ShardFiles(_OurFiles):
         self, file: int, numbers: Sequence[int], out: Sequence[NDArray[Any]] | NDArray[Any]
     ) -> None:
         try:
-            with ShardFile(self._name(file), self._file_rows * self._pieces) as shard:
+            chunks = self._file_rows * self._pieces
+            with ShardFile(self._folder, self._name(file), chunks) as shard:
                 for number, piece in zip(numbers, out, strict=True):
                     if not shard.read(number, piece):
                         piece[...] = self._fill

@@ -7,8 +7,6 @@ outside of the array that is filled.
 from __future__ import annotations
 
 import os
-import stat
-from pathlib import Path
 from typing import Any, Self
 
 import google_crc32c
@@ -16,6 +14,8 @@ import numpy as np
 from numcodecs import zstd  # type: ignore[import-untyped]
 from numcodecs.vlen import VLenUTF8  # type: ignore[import-untyped]
 from numpy.typing import NDArray
+
+from grasp_factory.core.place import Place
 
 ABSENT = 2**64 - 1
 """Offset and length, in a shard's index, of a chunk that was never written."""
@@ -27,23 +27,9 @@ MOST_BYTES = 64 * 2**20
 MOST_BYTES_OF_A_WORD = 2**20
 
 
-def open_file(file: str | Path) -> int:
-    """Return the descriptor of a file, open for reading.
-
-    Raises:
-        OSError: if there is no such file.
-        ValueError: unless it is a regular file: opening a FIFO would block.
-    """
-    descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        os.close(descriptor)
-        raise ValueError(f"{Path(file).name} is no file")
-    return descriptor
-
-
 def unpack(data: bytes, out: NDArray[Any]) -> None:
     """Decompress a chunk of numbers into ``out``, a contiguous array of its size."""
-    size = _content_size(data)
+    size = content_size(data)
     if size not in (None, out.nbytes):
         raise ValueError(f"a chunk of {size} bytes, valid: {out.nbytes}")
     zstd.decompress(data, out)
@@ -51,7 +37,7 @@ def unpack(data: bytes, out: NDArray[Any]) -> None:
 
 def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return a chunk of words as an array of numpy's ``StringDType``."""
-    count, size = int(np.prod(shape)), _content_size(data)
+    count, size = int(np.prod(shape)), content_size(data)
     most = min(MOST_BYTES, count * MOST_BYTES_OF_A_WORD)
     if size is None or size > most:  # a few bytes may decompress to gigabytes
         raise ValueError(f"a chunk of {size or 'unknown'} bytes of words, valid: up to {most}")
@@ -65,14 +51,15 @@ def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
 class ShardFile:
     """A shard file, opened for reading; its index is at the end, followed by a checksum of it."""
 
-    def __init__(self, file: str | Path, chunks: int) -> None:
-        """Open a shard of ``chunks`` chunks.
+    def __init__(self, folder: Place, name: str, chunks: int) -> None:
+        """Open a shard of ``chunks`` chunks, a file in a directory.
 
         Raises:
             OSError: if there is no such file.
-            ValueError: if it is no regular file, or its index does not match its checksum.
+            StoreError: if it is no regular file.
+            ValueError: if its index does not match its checksum.
         """
-        self._descriptor = open_file(file)
+        self._descriptor, self._bytes = folder.open_file(name)
         try:
             self._index = self._read_index(chunks)
         except BaseException:
@@ -94,14 +81,14 @@ class ShardFile:
         offset, length = self._index[chunk]
         if offset == length == ABSENT:
             return False
-        if offset + length > self._data_bytes:
+        if offset + length > self._data_bytes or length > _most_compressed(out.nbytes):
             raise ValueError(f"a chunk at {offset} of {length} bytes, valid: {self._data_bytes}")
         unpack(os.pread(self._descriptor, length, offset), out)
         return True
 
     def _read_index(self, chunks: int) -> list[list[int]]:
         length = 16 * chunks + _CHECKSUM_BYTES
-        self._data_bytes = os.fstat(self._descriptor).st_size - length
+        self._data_bytes = self._bytes - length
         if self._data_bytes < 0:
             raise ValueError(f"a shard without an index of {length} bytes")
         tail = os.pread(self._descriptor, length, self._data_bytes)
@@ -111,7 +98,12 @@ class ShardFile:
         return np.frombuffer(index, "<u8").reshape(chunks, 2).tolist()
 
 
-def _content_size(frame: bytes) -> int | None:
+def _most_compressed(size: int) -> int:
+    """Return the most bytes that zstd needs for so many (``ZSTD_COMPRESSBOUND``)."""
+    return size + (size >> 8) + (1 << 17)
+
+
+def content_size(frame: bytes) -> int | None:
     """Return the content size in a zstd frame's header (RFC 8878, 3.1.1.1); None if it has none.
 
     The decoder accepts content smaller than ``out``, and would leave the rest of it as it is.

@@ -5,8 +5,7 @@ Only blocks with a commit marker count; one directory listing finds them.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,14 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.place import place_of
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays
-from grasp_factory.writers.zarr.column_segments import Segment, segments
+from grasp_factory.writers.zarr.array_reader import StoredArray, by_block
+from grasp_factory.writers.zarr.budgets import TextBudget, check_column
+from grasp_factory.writers.zarr.column_segments import Form, Segment, apart, segments
+from grasp_factory.writers.zarr.field_arrays import open_arrays
 from grasp_factory.writers.zarr.header import open_store
+from grasp_factory.writers.zarr.layout import MOST_DIGITS
 
 
 class Columns:
@@ -26,6 +29,7 @@ class Columns:
 
     Attributes:
         path: path of the store.
+        place: the store's directory.
         config: config of the store.
         length: number of rows.
         names: column names for ``read``.
@@ -35,7 +39,7 @@ class Columns:
         self, path: Path, config: FactoryConfig, arrays: Mapping[str, StoredArray]
     ) -> None:
         """Use the arrays of a store by their path; they must include those of the columns."""
-        self.path = path
+        self.path, self.place = path, place_of(path)
         self.config = config
         self.length: int = arrays[schema.STATUS.path].zarr.shape[0]
         self._arrays = arrays
@@ -50,8 +54,8 @@ class Columns:
             StoreError: if it is damaged.
         """
         root, config = open_store(path, mode="r")
-        paths = [row.path for row in schema.expand(config) if row.path.startswith("episodes/")]
-        arrays = open_arrays(root, path, paths, {schema.STATUS.path})
+        rows = {f.path: f for f in schema.expand(config) if f.path.startswith("episodes/")}
+        arrays = open_arrays(root, config, rows, {schema.STATUS.path})
         return cls(path, config, arrays)
 
     def blocks(self) -> NDArray[np.bool_]:
@@ -61,12 +65,13 @@ class Columns:
             StoreError: if the directory of markers cannot be read.
         """
         try:
-            names = os.listdir(self.path / schema.STATUS.path)
+            names = (self.place / schema.STATUS.path).names()
         except OSError as error:
             where = f"{self.path}: {schema.STATUS.path}"
             raise StoreError(f"{where} cannot be read: {error.strerror}") from None
         there = np.zeros(-(-self.length // self.config.block_size), np.bool_)
-        numbers = np.fromiter(map(int, filter(str.isdecimal, names)), np.int64)
+        decimal = (int(name) for name in names if name.isdecimal() and len(name) <= MOST_DIGITS)
+        numbers = np.fromiter(decimal, np.int64)
         there[numbers[numbers < len(there)]] = True
         return there
 
@@ -76,15 +81,35 @@ class Columns:
         Raises:
             StoreError: if one is damaged.
         """
-        out = {name: _filled(self._arrays[f"episodes/{name}"], self.length) for name in names}
-        loose = self.blocks()
-        for segment in segments(self.path):
-            if segment.is_in(loose) and self._take(segment, out):
+        out = {name: self.filled(name) for name in names}
+        loose, text = self.blocks(), self.text_budget()
+        for segment in apart(segments(self.place)):
+            if segment.is_in(loose) and self._take(segment, out, text):
                 loose[segment.place] = False
-        for start, stop in map(self.rows, np.flatnonzero(loose).tolist()):
+        for blocks in self._together(np.flatnonzero(loose), names):
+            first = self.rows(blocks[0])[0]
             for name in names:
-                out[name][start:stop] = self.read_rows(name, start, stop)
+                values = text.count(self.read_rows(name, first, self.rows(blocks[-1])[1]))
+                for start, stop in map(self.rows, blocks):
+                    out[name][start:stop] = values[start - first : stop - first]
         return out
+
+    def filled(self, name: str) -> NDArray[Any]:
+        """Return a whole column of fill values, (N, ...).
+
+        Raises:
+            LimitError: if it is too large.
+        """
+        whole = self._arrays[f"episodes/{name}"].zarr
+        check_column(self.place, whole)
+        return np.full((self.length, *whole.shape[1:]), whole.fill_value, whole.dtype)
+
+    def _together(self, blocks: NDArray[np.intp], names: Sequence[str]) -> Iterator[list[int]]:
+        """Yield the blocks that share a file, so that each file is read only once or twice."""
+        arrays = [self._arrays[f"episodes/{name}"].zarr for name in names]
+        rows = max(((array.shards or array.chunks)[0] for array in arrays), default=1)
+        for group in by_block(blocks * self.config.block_size, rows):
+            yield blocks[group].tolist()
 
     def read_rows(self, name: str, start: int, stop: int) -> NDArray[Any]:
         """Return some rows of a column, from the blocks' own files.
@@ -99,23 +124,33 @@ class Columns:
         start = block * self.config.block_size
         return start, min(start + self.config.block_size, self.length)
 
-    def _take(self, segment: Segment, out: Mapping[str, NDArray[Any]]) -> bool:
-        """Copy a segment's rows into the columns; return whether their types and shapes fit."""
-        packed = segment.read([f"episodes/{name}" for name in out])
-        size = self.config.block_size
-        start, stop = segment.blocks.start * size, segment.blocks.stop * size
-        places = [column[start:stop] for column in out.values()]
-        values = list(packed.values()) if packed else []
-        if [(v.dtype, v.shape) for v in values] != [(p.dtype, p.shape) for p in places]:
-            return False
-        for place, value in zip(places, values, strict=True):
-            place[...] = value
-        return True
+    def packed(self, segment: Segment, *names: str) -> list[NDArray[Any]] | None:
+        """Return a segment's rows of columns; None if it is damaged, or does not have them.
 
+        Raises:
+            LimitError: if one is too large.
+        """
+        return self._packed(segment, names, self.text_budget())
 
-def _filled(array: StoredArray, length: int) -> NDArray[Any]:
-    whole = array.zarr
-    return np.full((length, *whole.shape[1:]), whole.fill_value, whole.dtype)
+    def text_budget(self) -> TextBudget:
+        """Return a new count of the text of columns that are read together."""
+        return TextBudget(self.place)
+
+    def _packed(
+        self, segment: Segment, names: Iterable[str], text: TextBudget
+    ) -> list[NDArray[Any]] | None:
+        rows = self.rows(segment.blocks[-1])[1] - self.rows(segment.blocks[0])[0]
+        arrays = {f"episodes/{name}": self._arrays[f"episodes/{name}"].zarr for name in names}
+        forms = {path: Form((rows, *a.shape[1:]), a.dtype) for path, a in arrays.items()}
+        return segment.read(forms, text)
+
+    def _take(self, segment: Segment, out: Mapping[str, NDArray[Any]], text: TextBudget) -> bool:
+        """Copy a segment's rows into the columns; return whether it has them."""
+        packed = self._packed(segment, out, text)
+        first = segment.blocks.start * self.config.block_size
+        for column, values in zip(out.values(), packed or (), strict=packed is not None):
+            column[first : first + len(values)] = values
+        return packed is not None
 
 
 def check_lengths(path: Path, arrays: Mapping[str, StoredArray]) -> None:

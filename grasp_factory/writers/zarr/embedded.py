@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zarr
 from zarr.codecs import ZstdCodec
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.limits import EMBEDDED
+from grasp_factory.core.place import place_of
 from grasp_factory.writers.zarr.header import open_array, open_store, read_array
 from grasp_factory.writers.zarr.layout import KEYS, ZSTD_LEVEL
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
@@ -53,8 +56,25 @@ def read_embedded(store: Path, path: str) -> bytes | None:
 
     Raises:
         StoreError: if the store is damaged.
+        LimitError: if they are too many.
     """
-    if not (store / path / "zarr.json").exists():
+    try:
+        if not (place_of(store) / path / "zarr.json").exists():
+            return None
+    except FileNotFoundError:
         return None
     root, _ = open_store(store, mode="r")
-    return read_array(open_array(root, path)).astype(np.uint8).tobytes()
+    values = read_array(open_embedded(root, path))
+    return values.astype(np.uint8, copy=False).tobytes()
+
+
+def open_embedded(root: zarr.Group, path: str) -> zarr.Array[Any]:
+    """Return the array of data embedded at a path.
+
+    Raises:
+        StoreError: if the store is damaged.
+        LimitError: if it is too large.
+    """
+    array = open_array(root, path)
+    EMBEDDED.check(array.nbytes, f"{root.store}/{path}")
+    return array

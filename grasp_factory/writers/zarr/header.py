@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 import platform
 from collections.abc import Mapping
 from functools import lru_cache
@@ -20,11 +19,16 @@ from zarr.storage import MemoryStore, StorePath
 from grasp_factory import __version__
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.json_text import parsed
+from grasp_factory.core.limits import DOCUMENT
 from grasp_factory.core.machine import platform_facts
+from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.core.schema import FORMAT, FORMAT_VERSION, Field
-from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.errors import RefusedFileError, StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.atomic_store import AtomicStore
+from grasp_factory.writers.zarr.bounded_codecs import bounded
+from grasp_factory.writers.zarr.budgets import check_whole
 from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.metadata_checksum import is_intact
 
@@ -80,7 +84,7 @@ def read_attributes(path: Path) -> dict[str, Any]:
     if not path.is_dir():
         raise StoreMismatchError(f"{path} is a file, not a grasp-factory store")
     try:
-        metadata = json.loads((path / "zarr.json").read_bytes())
+        metadata = parsed((place_of(path) / "zarr.json").read_bytes(DOCUMENT))
         attributes = metadata["attributes"]
         ours = attributes["format"] == FORMAT
         newer = attributes["format_version"] > FORMAT_VERSION if ours else False
@@ -88,7 +92,7 @@ def read_attributes(path: Path) -> dict[str, Any]:
         raise StoreMismatchError(f"{path} is not a grasp-factory store") from None
     except OSError as error:
         raise StoreError(f"{path} cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise StoreError(f"{path} is damaged: zarr.json: {first_line(error)}") from None
     except (KeyError, TypeError):
         ours = False
@@ -115,8 +119,10 @@ def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, Factor
     attributes = read_attributes(path)
     try:
         config = FactoryConfig.from_plain(attributes["config"])
-        store = AtomicStore(path, read_only=mode == "r")
+        store = AtomicStore(place_of(path), read_only=mode == "r")
         return zarr.open_group(store, mode=mode, zarr_format=3), config
+    except RefusedFileError:
+        raise
     except Exception as error:  # Zarr raises any exception at damaged metadata
         raise StoreError(f"{path} is damaged: {first_line(error)}") from None
 
@@ -128,11 +134,12 @@ def fields_of(path: Path, config: FactoryConfig, attributes: Mapping[str, Any]) 
     0.5.0 have no column of fingerprints.
     """
     fields = {row.path: row for row in schema.expand(config)}
-    if FINGERPRINT not in attributes and not (path / schema.FINGERPRINT.path).exists():
+    place = place_of(path)
+    if FINGERPRINT not in attributes and not (place / schema.FINGERPRINT.path).exists():
         del fields[schema.FINGERPRINT.path]
     try:
-        document = json.loads((path / schema.DIGESTS.path / "zarr.json").read_bytes())
-    except (OSError, ValueError, RecursionError):
+        document = parsed((place / schema.DIGESTS.path / "zarr.json").read_bytes(DOCUMENT))
+    except (OSError, ValueError, RefusedFileError):
         return fields
     recorded = recorded_arrays(document) if is_intact(document) else ()
     if not recorded:
@@ -155,25 +162,32 @@ def recorded_arrays(document: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(paths) if is_whole else ()
 
 
+def place_in(node: zarr.Group | zarr.Array[Any]) -> Place:
+    """Return the place of a group or an array of a store."""
+    store = node.store
+    assert isinstance(store, AtomicStore)
+    return store.place / node.path if node.path else store.place
+
+
 def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     """Return an array of a store.
 
     Raises:
         StoreError: if it is missing or damaged.
     """
-    store = root.store
-    assert isinstance(store, AtomicStore)
     try:
-        content = store.read(f"{path}/zarr.json")
-        if content is not None:
-            # Zarr's own way starts a task in another thread for each array.
-            place = StorePath(store, path)
-            return zarr.Array(zarr.AsyncArray(metadata=_metadata(content), store_path=place))
+        content = (place_in(root) / path / "zarr.json").read_bytes(DOCUMENT)
+        # Zarr's own way starts a task in another thread for each array.
+        place = StorePath(root.store, path)
+        return zarr.Array(zarr.AsyncArray(metadata=_metadata(content), store_path=place))
+    except (FileNotFoundError, NotADirectoryError):
+        what = f"array {path}: zarr.json is missing; run grasp-factory verify on it, and repair"
+        raise StoreError(f"{_where(root)} is damaged: {what}") from None
+    except RefusedFileError:
+        raise
     except Exception as error:  # Zarr raises any exception at damaged metadata
         what = f"array {path}: zarr.json is invalid: {first_line(error)}"
         raise StoreError(f"{_where(root)} is damaged: {what}") from None
-    what = f"array {path}: zarr.json is missing; run grasp-factory verify on it, and repair"
-    raise StoreError(f"{_where(root)} is damaged: {what}")
 
 
 def _metadata(content: bytes) -> ArrayV3Metadata:
@@ -185,10 +199,12 @@ def _metadata(content: bytes) -> ArrayV3Metadata:
 
 @lru_cache(maxsize=256)
 def _parsed(content: bytes) -> ArrayV3Metadata:
-    array = zarr.AsyncArray.from_dict(StorePath(MemoryStore()), json.loads(content))
+    array = zarr.AsyncArray.from_dict(StorePath(MemoryStore()), parsed(content))
     if not isinstance(array.metadata, ArrayV3Metadata):
         raise ValueError(f"zarr_format {array.metadata.zarr_format}, valid: 3")
-    return array.metadata
+    metadata = copy.copy(array.metadata)
+    object.__setattr__(metadata, "codecs", bounded(metadata.codecs))
+    return metadata
 
 
 def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:
@@ -196,12 +212,16 @@ def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:
 
     Raises:
         StoreError: if they are damaged.
+        LimitError: if they are too many; a selection is not measured.
     """
+    if not selection:
+        check_whole(array, f"{_where(array)}/{array.path}")
     try:
         return np.asarray(array[selection])
     except Exception as error:  # decoders raise any exception at damaged bytes
         what = f"{array.path}{_span(selection)} cannot be read: {first_line(error)}"
-        raise StoreError(f"{_where(array)}: {what}") from None
+    # Not in the handler above: the error would keep what the decoders have read in memory.
+    raise StoreError(f"{_where(array)}: {what}")
 
 
 def _span(selection: tuple[int | slice, ...]) -> str:
@@ -212,7 +232,7 @@ def _span(selection: tuple[int | slice, ...]) -> str:
 
 
 def _where(node: zarr.Group | zarr.Array[Any]) -> str:
-    return str(node.store).removeprefix("file://")
+    return str(node.store)
 
 
 def first_line(error: Exception) -> str:

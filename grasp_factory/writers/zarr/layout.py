@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.place import Place
 from grasp_factory.writers.zarr.metadata_checksum import write_sealed
 
 # Plain zstd for everything; docs/performance/scale.md compares other codecs. Level 3 makes an
@@ -22,6 +22,8 @@ ZSTD_LEVEL = 1
 # names of an array durable, and the block's number leads every file name.
 KEYS = {"name": "v2", "separator": "."}
 
+MOST_DIGITS = 12
+"""Longest number of a block or an episode in the name of a file."""
 _LITTLE: dict[str, Any] = {"name": "bytes", "configuration": {"endian": "little"}}
 _ZSTD: dict[str, Any] = {"name": "zstd", "configuration": {"level": ZSTD_LEVEL, "checksum": False}}
 
@@ -34,7 +36,7 @@ def shapes(
     return {row: (n, *schema.shape(row, sizes)) for row in fields}
 
 
-def create_array(folder: Path, path: str, metadata: Mapping[str, Any]) -> None:
+def create_array(folder: Place, path: str, metadata: Mapping[str, Any]) -> None:
     """Create an array, empty, and the groups above it, in a store's folder.
 
     Args:
@@ -45,9 +47,9 @@ def create_array(folder: Path, path: str, metadata: Mapping[str, Any]) -> None:
     Raises:
         OSError: if the disk fails.
     """
-    groups = path.split("/")[:-1]
-    for depth in range(1, len(groups) + 1):
-        group = folder.joinpath(*groups[:depth])
+    *groups, _ = path.split("/")
+    for depth in range(len(groups)):
+        group = folder / "/".join(groups[: depth + 1])
         if not group.exists():
             group.mkdir()
             write_sealed(group / "zarr.json", _node("group", {}))
@@ -148,10 +150,17 @@ def attributes(row: schema.Field, recorded: Sequence[str]) -> dict[str, Any]:
     return out
 
 
-def block_files(store: Path, row: schema.Field, block: int, rows: range) -> list[Path]:
+def block_files(store: Place, row: schema.Field, block: int, rows: range) -> list[Place]:
     """Return the files that hold a block of a field; ``rows`` are the rows of the block.
 
     Files are numbered by block; those of videos by episode.
     """
     numbers = rows if row.is_video else range(block, block + 1)
     return [store / row.path / f"{number}{'.0' * len(row.dims)}" for number in numbers]
+
+
+def block_number(name: str, row: schema.Field) -> int | None:
+    """Return the number in the name of a field's file, as ``block_files`` names it; else None."""
+    number = name.removesuffix(".0" * len(row.dims))
+    is_number = number.isdecimal() and len(number) <= MOST_DIGITS
+    return int(number) if is_number and f"{int(number)}{'.0' * len(row.dims)}" == name else None

@@ -66,8 +66,9 @@ class _Lock(ABC):
         """
         if self._inside is not None:
             return
+        flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
         try:
-            inside = os.open(self._store, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            inside = os.open(self._store, flags)
         except OSError:  # no store yet, or one that cannot be read: its reader reports that
             return
         try:

@@ -93,12 +93,13 @@ class LockFile:
         self._descriptor = None
 
     def _words(self, descriptor: int) -> list[str]:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        found = os.fstat(descriptor)
+        if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1 or found.st_size > _LONGEST:
             raise self._in_the_way()
-        content = os.pread(descriptor, _LONGEST + 1, 0)
+        content = os.pread(descriptor, _LONGEST, 0)
         if not content.strip(b"\0"):
             return []
-        if len(content) > _LONGEST or not _OURS.fullmatch(content):
+        if not _OURS.fullmatch(content):
             raise self._in_the_way()
         return content.decode(errors="replace").split()
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.atomic_file import write_atomic
+from grasp_factory.core.json_text import parsed
+from grasp_factory.core.limits import DOCUMENT
+from grasp_factory.core.place import Place
 
 SEAL = "metadata_sha256"
 """The attribute that holds the checksum."""
@@ -24,20 +25,20 @@ VALUES_SEAL = "values_sha256"
 Document = Mapping[str, Any]
 
 
-def seal(file: Path) -> None:
+def seal(file: Place) -> None:
     """Add the seal to a ``zarr.json``."""
-    write_sealed(file, json.loads(file.read_bytes()))
+    write_sealed(file, parsed(file.read_bytes(DOCUMENT)))
 
 
-def write_sealed(file: Path, document: Document) -> None:
+def write_sealed(file: Place, document: Document) -> None:
     """Write a ``zarr.json`` with its seal."""
     attributes = document.get("attributes", {}) | {SEAL: _digest(document)}
     _write(file, {**document, "attributes": attributes})
 
 
-def set_rows(file: Path, rows: int) -> None:
+def set_rows(file: Place, rows: int) -> None:
     """Change the number of rows in the ``zarr.json`` of an array, durably; its seal stays valid."""
-    document = json.loads(file.read_bytes())
+    document = parsed(file.read_bytes(DOCUMENT))
     document["shape"][0] = rows
     _write(file, document, durable=True)
 
@@ -48,11 +49,11 @@ def is_intact(document: Any) -> bool:
     return isinstance(attributes, dict) and attributes.get(SEAL) == _digest(document)
 
 
-def is_sealed(file: Path) -> bool:
+def is_sealed(file: Place) -> bool:
     """Return whether there is a ``zarr.json`` that matches its seal."""
     try:
-        return is_intact(json.loads(file.read_bytes()))
-    except (OSError, ValueError, RecursionError):
+        return is_intact(parsed(file.read_bytes(DOCUMENT)))
+    except (OSError, ValueError):
         return False
 
 
@@ -61,8 +62,8 @@ def values_digest(values: NDArray[Any]) -> str:
     return hashlib.sha256(np.ascontiguousarray(values).data).hexdigest()
 
 
-def _write(file: Path, document: Document, *, durable: bool = False) -> None:
-    write_atomic(file, json.dumps(document, indent=2).encode(), durable=durable)
+def _write(file: Place, document: Document, *, durable: bool = False) -> None:
+    file.write(json.dumps(document, indent=2).encode(), durable=durable)
 
 
 def _digest(document: Document) -> str:

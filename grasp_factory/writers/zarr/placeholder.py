@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import zarr
 
-from grasp_factory.core.atomic_file import fsync
+from grasp_factory.core.place import Place, fsync_places
 from grasp_factory.writers.zarr.atomic_store import AtomicStore
 from grasp_factory.writers.zarr.metadata_checksum import seal
 
 
-def write_placeholder(store: Path, name: str, description: str) -> None:
+def write_placeholder(store: Place, name: str, description: str) -> None:
     """Describe the folder ``name`` of a store as an array of length 0; the files in it stay.
 
     Zarr's readers list groups and warn of unknown files; they do not list the folders of arrays.
@@ -20,9 +18,9 @@ def write_placeholder(store: Path, name: str, description: str) -> None:
         OSError: if the disk fails.
     """
     folder = store / name
-    (folder / "zarr.json").unlink(
-        missing_ok=True
-    )  # left by a process that was killed before it sealed the file
+    folder.mkdir(exist_ok=True)
+    # It may be left by a process that was killed before it sealed the file.
+    (folder / "zarr.json").unlink(missing_ok=True)
     zarr.create_array(
         AtomicStore(folder),  # with the whole store Zarr would read the root's metadata too
         shape=(0,),
@@ -31,4 +29,4 @@ def write_placeholder(store: Path, name: str, description: str) -> None:
         attributes={"description": description},
     )
     seal(folder / "zarr.json")
-    fsync([folder / "zarr.json", folder, store])
+    fsync_places([folder / "zarr.json", folder, store])

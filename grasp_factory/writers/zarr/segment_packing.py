@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.atomic_file import PARTIAL, write_atomic
+from grasp_factory.core.atomic_file import PARTIAL
+from grasp_factory.core.place import Place
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.column_segments import BYTES, FOLDER, WORDS, coded, segments
 from grasp_factory.writers.zarr.columns import Columns
@@ -36,11 +37,11 @@ def pack(path: Path) -> None:
     """
     columns = Columns.open(path)
     try:
-        for leftover in (path / FOLDER).glob(f"*{PARTIAL}"):
+        for leftover in (columns.place / FOLDER).glob(f"*.npz{PARTIAL}"):
             leftover.unlink()
         for blocks in _complete(columns):
             if members := _members(columns, blocks):
-                _write(path, blocks, members)
+                _write(columns.place, blocks, members)
     except OSError as error:
         raise StoreError(f"{path / FOLDER} cannot be written: {error.strerror}") from None
 
@@ -57,7 +58,7 @@ def is_time_to_pack(index: int, block_size: int) -> bool:
 def _complete(columns: Columns) -> Iterator[range]:
     """Yield the ranges of blocks to pack; all these blocks are present and complete."""
     loose = columns.blocks()
-    for segment in segments(columns.path):
+    for segment in segments(columns.place):
         loose[segment.place] = False
     whole = columns.length // columns.config.block_size
     for first in range(0, whole - SEGMENT_BLOCKS + 1, SEGMENT_BLOCKS):
@@ -86,11 +87,11 @@ def _members(columns: Columns, blocks: range) -> dict[str, NDArray[Any]]:
     return out
 
 
-def _write(path: Path, blocks: range, members: dict[str, NDArray[Any]]) -> None:
-    file = path / FOLDER / f"{blocks.start}-{blocks[-1]}.npz"
-    if not is_sealed(path / FOLDER / "zarr.json"):
-        write_placeholder(path, FOLDER, DESCRIPTION)
+def _write(store: Place, blocks: range, members: dict[str, NDArray[Any]]) -> None:
+    file = store / FOLDER / f"{blocks.start}-{blocks[-1]}.npz"
+    if not is_sealed(store / FOLDER / "zarr.json"):
+        write_placeholder(store, FOLDER, DESCRIPTION)
     content = io.BytesIO()
     np.savez(content, allow_pickle=False, **members)  # writes no dates: the same bytes each time
     with content.getbuffer() as data:
-        write_atomic(file, data, durable=True)
+        file.write(data, durable=True)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 
 from grasp_factory.core import schema
-from grasp_factory.writers.zarr.column_segments import BYTES, segments
+from grasp_factory.core.place import Place
+from grasp_factory.core.place_tree import files_below
+from grasp_factory.writers.zarr.column_segments import apart, segments
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.layout import block_files
 
@@ -20,15 +20,14 @@ def store_bytes(columns: Columns) -> int:
     A packed segment records the bytes of its blocks. Blocks of killed runs are not counted.
     """
     loose, total = columns.blocks(), 0
-    for segment in segments(columns.path):
-        packed = segment.read([BYTES])
-        if packed and segment.is_in(loose):
+    for segment in apart(segments(columns.place)):
+        size = segment.block_bytes() if segment.is_in(loose) else None
+        if size is not None:
             loose[segment.place] = False
-            total += int(packed[BYTES])
+            total += size
     paths = {row.path for row in schema.expand(columns.config)}
-    arrays = {str(columns.path / path) for path in paths}
-    metadata = sum(_size(Path(array) / "zarr.json") for array in arrays)
-    beside = _other_bytes(columns.path, arrays)
+    metadata = sum(_size(columns.place / path / "zarr.json") for path in paths)
+    beside = sum(map(_size, files_below(columns.place, without=paths)))
     return total + bytes_of_blocks(columns, np.flatnonzero(loose).tolist()) + metadata + beside
 
 
@@ -38,24 +37,12 @@ def bytes_of_blocks(columns: Columns, blocks: Iterable[int]) -> int:
     for block in blocks:
         rows = range(*columns.rows(block))
         for row in fields:
-            total += sum(map(_size, block_files(columns.path, row, block, rows)))
+            total += sum(map(_size, block_files(columns.place, row, block, rows)))
     return total
 
 
-def _other_bytes(folder: Path, arrays: set[str]) -> int:
-    """Return the bytes of all files below a folder that are not in one of these arrays."""
-    total = 0
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.is_dir(follow_symlinks=False):
-                total += 0 if entry.path in arrays else _other_bytes(Path(entry.path), arrays)
-            else:
-                total += entry.stat().st_size
-    return total
-
-
-def _size(file: Path) -> int:
+def _size(file: Place) -> int:
     try:
-        return os.stat(file).st_size
+        return file.stat().st_size
     except (FileNotFoundError, NotADirectoryError):
         return 0

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
-import shutil
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
-from grasp_factory.core.atomic_file import fsync
+from grasp_factory.core.place import Place, fsync_places
+from grasp_factory.core.place_tree import files_below
 from grasp_factory.errors import StoreMismatchError
 
 CREATING = ".creating"
 """Suffix of the folders in which stores and labels are created."""
 ROOT_METADATA = "zarr.json"
 """The file that makes a folder a store."""
-_STORE_FILE = re.compile(r"(zarr|\d+)([.-][0-9a-z]+)*|log\.jsonl(\.partial)?")
+_STORE_FILE = re.compile(
+    r"(zarr\.json|log\.jsonl|[0-9]+(\.[0-9]+)*|[0-9]+-[0-9]+\.npz)(\.partial)?"
+)
 
 
-def is_store_file(file: Path) -> bool:
+def is_store_file(path: str) -> bool:
     """Return whether a file has the name of one in a store, or of one that is being written."""
-    return _STORE_FILE.fullmatch(file.name) is not None
+    return _STORE_FILE.fullmatch(path.rpartition("/")[2]) is not None
 
 
 class StagingFolder:
@@ -39,18 +39,19 @@ class StagingFolder:
     """
 
     def __init__(
-        self, target: Path, suffix: str, is_ours: Callable[[Path], bool] = is_store_file
+        self, target: Place, suffix: str, is_ours: Callable[[str], bool] = is_store_file
     ) -> None:
         """Look at the place and change nothing.
 
         Args:
-            target: the store's place, links followed.
+            target: the store's place.
             suffix: the end of the folder's name.
-            is_ours: called with the relative path of a file that a killed process may have left.
+            is_ours: called with the path below the folder of a file that a killed process may have
+                left.
         """
         self.target = target
         self._is_inside = target.exists()
-        beside = target.with_name(f".{target.name}{suffix}")
+        beside = target.parent / f".{target.name}{suffix}"
         self.folder = target / suffix if self._is_inside else beside
         self._is_ours = is_ours
 
@@ -60,20 +61,20 @@ class StagingFolder:
             return True
         if not self._is_inside or not self.target.is_dir() or self._is_published():
             return False
-        return self.folder.is_dir() or not any(self.target.iterdir())
+        return self.folder.is_dir() or not self.target.names()
 
     def check_leftovers(self) -> None:
         """Check that a killed process has left nothing, or only what it made.
 
         Raises:
             StoreMismatchError: naming a file that is not ours.
+            IrregularFileError: naming a link.
         """
-        if self.folder.is_symlink() or (self.folder.exists() and not self.folder.is_dir()):
+        if self.folder.is_file():
             raise StoreMismatchError(f"{self.folder} is in the way: move it")
         place = self._place_of_work()
-        for file in place.rglob("*"):
-            is_file = file.is_symlink() or not file.is_dir()
-            if is_file and (file.is_symlink() or not self._is_ours(file.relative_to(place))):
+        for file in files_below(place) if place.is_dir() else ():
+            if not (self._is_ours(file.below(place)) and self._is_in_piece(file)):
                 raise StoreMismatchError(f"{place} is in the way: it holds {file.name}; move it")
 
     def remove_leftovers(self) -> None:
@@ -86,14 +87,14 @@ class StagingFolder:
         if not self.folder.exists():
             return
         self.check_leftovers()
-        if self._place_of_work() == self.target:
-            for piece in self.target.iterdir():
-                if piece != self.folder:
-                    shutil.rmtree(piece)
-        shutil.rmtree(self.folder)  # last: it marks the other pieces as ours
+        if self._is_unpublished_inside():
+            for piece in self.target.glob("*"):
+                if piece.name != self.folder.name:
+                    piece.rmtree()
+        self.folder.rmtree()  # last: it marks the other pieces as ours
 
     @contextlib.contextmanager
-    def building(self) -> Iterator[Path]:
+    def building(self) -> Iterator[Place]:
         """Yield the folder, empty; it is moved to its place when the block succeeds.
 
         Its content must be on the disk by then (fsync). After an error nothing is left.
@@ -112,20 +113,30 @@ class StagingFolder:
                 self.remove_leftovers()
             raise
 
-    def _place_of_work(self) -> Path:
+    def _is_in_piece(self, file: Place) -> bool:
+        """Return whether a file is in the staging folder, or in a piece: they have metadata."""
+        first = file.below(self.target).partition("/")[0]
+        piece = self.target / first
+        is_staged = not self._is_inside or piece.name == self.folder.name
+        return is_staged or first == ROOT_METADATA or (piece / ROOT_METADATA).exists()
+
+    def _place_of_work(self) -> Place:
         """Return where pieces of an unfinished store may be."""
-        return self.target if self._is_inside and not self._is_published() else self.folder
+        return self.target if self._is_unpublished_inside() else self.folder
+
+    def _is_unpublished_inside(self) -> bool:
+        return self._is_inside and not self._is_published()
 
     def _is_published(self) -> bool:
         return (self.target / ROOT_METADATA).exists()
 
     def _publish(self) -> None:
         if not self._is_inside:
-            os.replace(self.folder, self.target)
-            fsync([self.target.parent])
+            self.folder.replace(self.target)
+            fsync_places([self.target.parent])
             return
-        for piece in sorted(self.folder.iterdir(), key=lambda piece: piece.name == ROOT_METADATA):
-            fsync([self.target])  # ROOT_METADATA is also the last on the disk
-            os.replace(piece, self.target / piece.name)
+        for piece in sorted(self.folder.glob("*"), key=lambda piece: piece.name == ROOT_METADATA):
+            fsync_places([self.target])  # ROOT_METADATA is also the last on the disk
+            piece.replace(self.target / piece.name)
         self.folder.rmdir()
-        fsync([self.target])
+        fsync_places([self.target])

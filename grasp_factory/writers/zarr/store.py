@@ -16,9 +16,13 @@ import zarr
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
-from grasp_factory.core.atomic_file import fsync_tree, partial_path
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.place import Place, place_at, place_of
+from grasp_factory.core.place_tree import entries, files_below, fsync_tree
+from grasp_factory.core.regular_file import irregular
 from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.writers.zarr.atomic_store import AtomicStore
+from grasp_factory.writers.zarr.budgets import check_block_size
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, add_embedded
 from grasp_factory.writers.zarr.files import cannot_write, locate
@@ -27,6 +31,7 @@ from grasp_factory.writers.zarr.header import (
     fields_of,
     open_array,
     open_store,
+    place_in,
     read_attributes,
     root_attributes,
 )
@@ -42,13 +47,20 @@ def check_place(path: Path, config: FactoryConfig) -> Path:
     """Check that ``path`` holds a store of this config, or nothing; return its real path.
 
     Raises:
+        ConfigError: if readers would refuse the size of its blocks.
         StoreMismatchError: if it holds anything else, or cannot lead to a store.
         StoreError: if the store there is damaged, or cannot be read.
+        IrregularFileError: if there is a link among its folders, or in one of them.
     """
     target = locate(path)
     try:
-        if not _creation(target).is_free():
+        if _creation(target).is_free():
+            check_block_size(config)
+        else:
             _check_same(path, config)
+            _check_regular(place_of(target))
+    except (FileNotFoundError, NotADirectoryError):
+        pass  # there is not even a directory for it, which is an error when it is written
     except OSError as error:
         raise StoreError(f"{path} cannot be read: {error.strerror}") from None
     return target
@@ -132,11 +144,13 @@ def create_store(
         OSError: if the disk fails.
     """
     with _creation(target).building() as folder:
-        root = zarr.create_group(folder, zarr_format=3, attributes=dict(attributes))
+        store = AtomicStore(folder)
+        root = zarr.create_group(store, zarr_format=3, attributes=dict(attributes))
         for name, content in carried.items():
             add_embedded(root, name, content)
-        for file in folder.rglob("zarr.json"):
-            seal(file)
+        for file in files_below(folder):
+            if file.name == "zarr.json":
+                seal(file)
         own = fields or schema.expand(config)
         for name, metadata in documents(own, config, joints, n).items():
             create_array(folder, name, metadata)
@@ -153,18 +167,17 @@ def remove_creation(target: Path) -> None:
 
 
 def _creation(target: Path) -> StagingFolder:
-    return StagingFolder(target, CREATING, _is_of_creation)
+    return StagingFolder(place_at(target), CREATING, _is_of_creation)
 
 
-def _is_of_creation(file: Path) -> bool:
+def _is_of_creation(path: str) -> bool:
     """Return whether ``create_store`` makes such a file: metadata or embedded data.
 
     The data of a block is not, so leftovers are never removed together with episodes.
     """
-    is_chunk = file.name.partition(".")[0].isdigit()
-    return file.name.startswith("zarr.") or (
-        is_chunk and not DESCRIPTIONS.keys().isdisjoint(file.parts)
-    )
+    *folders, name = path.split("/")
+    is_chunk = name.partition(".")[0].isdigit()
+    return name.startswith("zarr.") or (is_chunk and not DESCRIPTIONS.keys().isdisjoint(folders))
 
 
 def _check_same(path: Path, config: FactoryConfig) -> None:
@@ -181,15 +194,23 @@ def _check_same(path: Path, config: FactoryConfig) -> None:
         )
 
 
+def _check_regular(store: Place) -> None:
+    """Check, before hours of work, that there is no link in the folders of a store."""
+    for folder in (store, *(store / name for name in entries(store).folders)):
+        for name in entries(folder).others:
+            raise irregular(folder.path / name)
+
+
 def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     """Resize the arrays, ``status`` last: its length is that of the last growth that finished.
 
     After a kill in between, some arrays are longer than ``status``. Nothing has been written
     there, so they are resized to the new length, even if it is shorter.
     """
-    with contextlib.suppress(OSError):  # left by a creation that was killed at its end
-        (path / CREATING).rmdir()
     root, _ = open_store(path, mode="r+")
+    store = place_in(root)
+    with contextlib.suppress(OSError):  # left by a creation that was killed at its end
+        (store / CREATING).rmdir()
     own = fields_of(path, config, root.attrs.asdict()).values()
     fields = sorted(own, key=lambda row: row == schema.STATUS)
     arrays = {row: open_array(root, row.path) for row in fields}
@@ -198,9 +219,10 @@ def _grow(path: Path, config: FactoryConfig, joints: int, n: int) -> None:
     for row, array in arrays.items():
         _check_layout(path, row, array, room[row])
     for row, array in arrays.items():
-        partial_path(path / row.path / "zarr.json").unlink(missing_ok=True)
+        metadata = store / row.path / "zarr.json"
+        metadata.partial.unlink(missing_ok=True)
         if array.shape[0] != n:
-            set_rows(path / row.path / "zarr.json", n)
+            set_rows(metadata, n)
 
 
 def _check_layout(

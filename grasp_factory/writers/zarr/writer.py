@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
-from grasp_factory.core.atomic_file import fsync, partial_path, write_atomic
 from grasp_factory.core.episode import Episode, checksum
+from grasp_factory.core.place import Place, fsync_places
 from grasp_factory.core.schema import Field
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.base import Quarantined, Writer, check_count, check_rows, texts_of
 from grasp_factory.writers.zarr.column_segments import unpack_block
 from grasp_factory.writers.zarr.digests import digests
 from grasp_factory.writers.zarr.encoding import packed_chunk, packed_shard
-from grasp_factory.writers.zarr.header import SOURCES, fields_of, open_array, open_store, read_array
+from grasp_factory.writers.zarr.header import (
+    SOURCES,
+    fields_of,
+    open_array,
+    open_store,
+    place_in,
+    read_array,
+)
 from grasp_factory.writers.zarr.layout import ZSTD_LEVEL, block_files
 
 MISSING, COMMITTED, QUARANTINED = range(3)
@@ -45,6 +53,7 @@ class ZarrWriter(Writer):
         """
         self.path = Path(path)
         root, config = open_store(self.path, mode="r+")
+        self._place = place_in(root)
         self._fields = tuple(fields_of(self.path, config, root.attrs.asdict()).values())
         self._digested = schema.digested(self._fields)
         self._arrays = {row.path: open_array(root, row.path) for row in self._fields}
@@ -72,7 +81,7 @@ class ZarrWriter(Writer):
             check_rows(block, rows, start, room)
         texts = texts_of(rows, fingerprints)
         values = [self._values(*row) for row in zip(rows, texts, strict=True)]
-        unpack_block(self.path, block)
+        unpack_block(self._place, block)
         if self._keeps(block, values):
             self._mark(block)
         else:
@@ -80,7 +89,7 @@ class ZarrWriter(Writer):
         data = [field for field in self._fields if field != schema.STATUS]
         for fields in (data, [schema.STATUS]):
             written = [file for field in fields for file in self._write(field, block, values)]
-            fsync([*written, *(self.path / field.path for field in fields)])
+            fsync_places([*written, *(self._place / field.path for field in fields)])
 
     def _values(self, row: Episode | Quarantined, fingerprint: str) -> Values:
         contents = row.contents()
@@ -140,34 +149,34 @@ class ZarrWriter(Writer):
         """Mark the block as being rewritten, so that readers treat uncommitted rows as pending."""
         for row in self._fields:
             for file in self._files_of(row, block):
-                partial_path(file).unlink(missing_ok=True)
+                file.partial.unlink(missing_ok=True)
         marker = self._files_of(schema.STATUS, block)[0]
-        partial_path(marker).touch()
-        fsync([marker.parent])
+        os.close(marker.partial.create())
+        fsync_places([marker.parent])
 
     def _clear(self, block: int) -> None:
         marker = self._files_of(schema.STATUS, block)[0]
         if marker.exists():
             marker.unlink()
             # Durable before the data is removed: a power cut must not leave only the marker.
-            fsync([marker.parent])
+            fsync_places([marker.parent])
         for row in self._fields:
             for file in self._files_of(row, block):
                 file.unlink(missing_ok=True)
-                partial_path(file).unlink(missing_ok=True)
+                file.partial.unlink(missing_ok=True)
 
-    def _write(self, row: Field, block: int, values: Sequence[Values]) -> list[Path]:
+    def _write(self, row: Field, block: int, values: Sequence[Values]) -> list[Place]:
         """Write a field's files of a block and return them."""
         files = self._files_of(row, block)
         if not row.is_video:
-            write_atomic(files[0], self._packed(row, [value.get(row.path) for value in values]))
+            files[0].write(self._packed(row, [value.get(row.path) for value in values]))
             return files
         written = []
         for file, value in zip(files, values, strict=False):
             frames = value.get(row.path, ())
             if len(frames):
                 room = self._arrays[row.path].shape[1]
-                write_atomic(file, packed_shard(list(frames), room, ZSTD_LEVEL))
+                file.write(packed_shard(list(frames), room, ZSTD_LEVEL))
                 written.append(file)
         return written
 
@@ -188,10 +197,10 @@ class ZarrWriter(Writer):
                 column[i] = value.tolist() if is_text else value
         return packed_chunk(column, ZSTD_LEVEL)
 
-    def _files_of(self, row: Field, block: int) -> list[Path]:
+    def _files_of(self, row: Field, block: int) -> list[Place]:
         start = block * self.block_size
         rows = range(start, min(start + self.block_size, self.length))
-        return block_files(self.path, row, block, rows)
+        return block_files(self._place, row, block, rows)
 
 
 def _padded(value: NDArray[Any] | None, room: tuple[int, ...], row: Field) -> NDArray[Any]:
