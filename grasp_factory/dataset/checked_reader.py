@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
-from grasp_factory.core.atomic_file import partial_path
+from grasp_factory.core.json_text import parsed
+from grasp_factory.core.limits import DOCUMENT
+from grasp_factory.core.place import place_of
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.row_codec import fixed, is_fill
 from grasp_factory.dataset.row_integrity import (
@@ -57,8 +58,9 @@ def checked_arrays(
     """
     if not digested_paths(arrays):
         raise StoreError(f"{path} has no checksums of single arrays: open it without checked=True")
+    store = place_of(path)
     for name in ("", *arrays):
-        if not is_sealed(path / name / "zarr.json"):
+        if not is_sealed(store / name / "zarr.json" if name else store / "zarr.json"):
             raise StoreError(f"{path} is damaged: zarr.json of {name or 'the root'}; {_ADVICE}")
     try:
         check_lengths(path, arrays)
@@ -77,8 +79,8 @@ def checked_label(path: Path, name: str, outcome: NDArray[Any]) -> NDArray[Any]:
     Raises:
         StoreError: if they do not match their checksum.
     """
-    file = path / "labels" / name / "outcome" / "zarr.json"
-    known = json.loads(file.read_bytes())["attributes"] if is_sealed(file) else {}
+    file = place_of(path) / "labels" / name / "outcome" / "zarr.json"
+    known = parsed(file.read_bytes(DOCUMENT))["attributes"] if is_sealed(file) else {}
     if known.get(VALUES_SEAL) != values_digest(outcome):
         raise StoreError(f"{path}: labels/{name} does not match its checksum; {_ADVICE}")
     return outcome
@@ -175,8 +177,8 @@ class CheckedArray(StoredArray):
     def _is_unfinished(self, row: int) -> bool:
         """Return whether a row's block is unfinished: its marker is missing or being replaced."""
         block = row // self._arrays[schema.STATUS.path].zarr.chunks[0]
-        marker = block_files(self._store, schema.STATUS, block, range(0))[0]
-        return partial_path(marker).exists() or not marker.exists()
+        marker = block_files(place_of(self._store), schema.STATUS, block, range(0))[0]
+        return marker.partial.exists() or not marker.exists()
 
     def _refuse(self, row: int) -> None:
         what = f"episode {row} is damaged: {self._path} does not match its checksum"
@@ -235,11 +237,9 @@ class CheckedColumns:
         Raises:
             StoreError: if one is damaged.
         """
-        out = {name: self._filled(self._arrays[f"episodes/{name}"].zarr) for name in names}
+        out = {name: self._columns.filled(name) for name in names}
+        text = self._columns.text_budget()
         for start, stop in map(self._columns.rows, np.flatnonzero(self._columns.blocks()).tolist()):
             for name in names:
-                out[name][start:stop] = self._columns.read_rows(name, start, stop)
+                out[name][start:stop] = text.count(self._columns.read_rows(name, start, stop))
         return out
-
-    def _filled(self, whole: Any) -> NDArray[Any]:
-        return np.full((self.length, *whole.shape[1:]), whole.fill_value, whole.dtype)

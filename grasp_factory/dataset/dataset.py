@@ -25,10 +25,11 @@ from grasp_factory.dataset.row_lookup import RowIndex
 from grasp_factory.dataset.sensor_reader import Readings
 from grasp_factory.errors import StoreError, UsageError, lookup
 from grasp_factory.signals.noise import EpisodeNoise, SensorNoise, named_noise
-from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays
+from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.columns import Columns
-from grasp_factory.writers.zarr.header import SOURCES, open_store, read_array
-from grasp_factory.writers.zarr.label_columns import added_columns, added_labels
+from grasp_factory.writers.zarr.field_arrays import open_arrays
+from grasp_factory.writers.zarr.header import SOURCES, open_store
+from grasp_factory.writers.zarr.label_columns import added_columns, added_labels, read_label
 
 
 class Dataset(EpisodeViews):
@@ -92,7 +93,7 @@ class Dataset(EpisodeViews):
         root, config = open_store(path, mode="r")
         needed = {f"episodes/{name}" for name in NEEDED}
         fields = {row.path: row for row in schema.expand(config)}
-        arrays = open_arrays(root, path, fields, needed)
+        arrays = open_arrays(root, config, fields, needed)
         for name in sorted({fields[p].length_column for p in arrays} - {"", *arrays}):
             what = f"array {name} is missing; run grasp-factory verify on it, and repair"
             raise StoreError(f"{path} is damaged: {what}")
@@ -212,7 +213,8 @@ class Dataset(EpisodeViews):
             UnknownNameError: listing the labels.
         """
         lookup(dict.fromkeys(self.labels), "label", name)
-        outcome = read_array(added_columns(self.path)[f"labels/{name}/outcome"])
+        root, _ = open_store(self.path, mode="r")
+        outcome = read_label(root, f"labels/{name}/outcome", len(self))
         return checked_label(self.path, name, outcome) if self._is_checked else outcome
 
     def arrays(self) -> dict[str, zarr.Array[Any]]:

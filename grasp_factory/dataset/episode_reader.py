@@ -13,6 +13,7 @@ from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, checksum
 from grasp_factory.core.schema import Field
+from grasp_factory.dataset.plausible import check_plausible
 from grasp_factory.dataset.row_codec import Row, assemble, read_rows
 from grasp_factory.dataset.row_integrity import episode_contents
 from grasp_factory.errors import StoreError
@@ -102,6 +103,7 @@ class Episodes:
     def _episode(self, row: int, read: Row) -> Episode:
         try:
             episode = assemble(read, self._config.cameras)
+            check_plausible(episode, self._config)
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise StoreError(f"{self._store}: episode {row} is damaged: {error}") from None
         return self._noise.episode(episode)

@@ -12,6 +12,7 @@ from grasp_factory.core.enums import Outcome
 from grasp_factory.core.episode import CameraFrames, Episode, EpisodeSpec
 from grasp_factory.core.schema import Field
 from grasp_factory.core.sensors import series_groups
+from grasp_factory.errors import StoreError
 
 Row = dict[str, NDArray[Any]]
 """The values of one episode by path; streams have no padding."""
@@ -38,6 +39,9 @@ def read_rows(
         fields: The fields of the arrays, by path.
         start: The first row.
         stop: The row after the last.
+
+    Raises:
+        StoreError: if a time series has no such length as a row says.
     """
     at_once = {p: read(p, start, stop) for p, field in fields.items() if not field.is_video}
     rows = []
@@ -47,9 +51,29 @@ def read_rows(
             if field.is_video:  # all videos of a block would need too much memory
                 row[path] = read(path, start + k, start + k + 1)[0]
             if field.length_column:
-                row[path] = row[path][: row[field.length_column]]
+                length = row[field.length_column]
+                row[path] = unpadded(row[path], length, start + k, field.length_column)
         rows.append(row)
     return rows
+
+
+def unpadded(values: NDArray[Any], length: Any, row: int, column: str) -> NDArray[Any]:
+    """Return a time series of a row without padding.
+
+    Args:
+        values: As they are stored, (T, ...).
+        length: The value of the column with its length, an integer.
+        row: The row, for the message.
+        column: The path of that column.
+
+    Raises:
+        StoreError: unless the length is from 0 to T.
+    """
+    end = int(length)
+    if not 0 <= end <= len(values):
+        what = f"{column}: got {end}, valid: 0 to {len(values)}"
+        raise StoreError(f"episode {row} is damaged: {what}; run grasp-factory verify on the store")
+    return values[:end]
 
 
 def assemble(row: Mapping[str, NDArray[Any]], cameras: Iterable[str]) -> Episode:

@@ -13,8 +13,8 @@ from grasp_factory.dataset.row_codec import Row, assemble, read_rows
 from grasp_factory.dataset.row_integrity import is_valid_fingerprint, must_have_fingerprints
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.zarr.array_reader import open_arrays
 from grasp_factory.writers.zarr.columns import check_lengths
+from grasp_factory.writers.zarr.field_arrays import open_arrays
 from grasp_factory.writers.zarr.header import fields_of, open_store
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
@@ -50,7 +50,7 @@ class RowReader:
         attributes = root.attrs.asdict()
         self.fields = fields_of(path, self.config, attributes)
         self._must_have_fingerprints = must_have_fingerprints(attributes)
-        self._arrays = open_arrays(root, path, self.fields, set(self.fields))
+        self._arrays = open_arrays(root, self.config, self.fields, set(self.fields))
         try:
             check_lengths(path, self._arrays)
         except StoreError as error:

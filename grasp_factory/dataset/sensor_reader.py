@@ -15,7 +15,9 @@ from grasp_factory.core.episode import CameraImage, EpisodeSpec
 from grasp_factory.core.geometry import Array, inverse, pose_matrices
 from grasp_factory.core.schema import Field
 from grasp_factory.core.serialization import is_integer
-from grasp_factory.errors import StoreError, UsageError, lookup
+from grasp_factory.dataset.plausible import check_calibration, check_recipe
+from grasp_factory.dataset.row_codec import unpadded
+from grasp_factory.errors import ConfigError, StoreError, UsageError, lookup
 from grasp_factory.signals.grasp_crop import CropShape, GraspCrop, grasp_crop
 from grasp_factory.signals.noise import EpisodeNoise
 from grasp_factory.signals.point_cloud import FRAMES, PointCloud, joined, label_mask, visible_cloud
@@ -53,7 +55,9 @@ class Readings:
         """
         text = str(self._value("episodes/spec", row))
         try:
-            return EpisodeSpec.from_json(text)
+            spec = EpisodeSpec.from_json(text)
+            check_recipe(spec, self._config)
+            return spec
         except (ValueError, RecursionError) as error:  # ConfigError is a ValueError
             raise StoreError(f"{self._store}: episode {row} is damaged: {error}") from None
 
@@ -92,9 +96,12 @@ class Readings:
         """Return some streams of a row, unpadded, by name; see ``Dataset.series``."""
         streams = {p.removeprefix("streams/"): p for p in self._fields if p.startswith("streams/")}
         wanted = {name: lookup(streams, "stream", name) for name in names}
-        n_steps = int(self._value("episodes/n_steps", row))
+        column = "episodes/n_steps"
+        n_steps = self._value(column, row)
         needed = [name for name in self._noise.needs(wanted) if name in streams]
-        clean = {name: self._value(streams[name], row)[:n_steps] for name in needed}
+        clean = {
+            name: unpadded(self._value(streams[name], row), n_steps, row, column) for name in needed
+        }
         read = self._noise.streams(self._index(row), clean, self._config.record_hz)
         return {name: np.asarray(read[name]) for name in wanted}
 
@@ -124,9 +131,19 @@ class Readings:
         return grasp_crop(self.scenes([row], cameras, IMAGES, 0)[0].values(), T, shape)
 
     def calibrations(self, rows: Sequence[int], camera: str, frame: int) -> tuple[Array, Array]:
-        """Return a camera's intrinsics (K, 3, 3) and its poses (K, 4, 4) in the world."""
+        """Return a camera's intrinsics (K, 3, 3) and its poses (K, 4, 4) in the world.
+
+        Raises:
+            StoreError: if no camera has such ones.
+        """
         intrinsics = self._values(f"cameras/{camera}/intrinsics", rows)
-        return intrinsics, self._values(f"cameras/{camera}/T_world_camera", rows)[:, frame]
+        poses = self._values(f"cameras/{camera}/T_world_camera", rows)[:, frame]
+        try:
+            check_calibration(intrinsics, poses)
+        except ConfigError as error:
+            what = f"the calibration of camera {camera!r} is damaged"
+            raise StoreError(f"{self._store}: {what}: {error}") from None
+        return intrinsics, poses
 
     def scenes(
         self, rows: Sequence[int], cameras: Iterable[str], kinds: Sequence[str], frame: int

@@ -12,7 +12,8 @@ from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.serialization import check
 from grasp_factory.errors import UsageError
-from grasp_factory.writers.zarr.array_reader import StoredArray, open_arrays
+from grasp_factory.writers.zarr.array_reader import StoredArray
+from grasp_factory.writers.zarr.field_arrays import open_arrays
 from grasp_factory.writers.zarr.header import open_store
 from grasp_factory.writers.zarr.writer import MISSING
 
@@ -32,7 +33,8 @@ def check_place(store: Path, rows: Sequence[int], changes: Sequence[tuple[str, A
     """
     root, config = open_store(store, mode="r")
     path = schema.STATUS.path
-    _check_rows(store, open_arrays(root, store, [path], {path})[path], rows, config.block_size)
+    status = open_arrays(root, config, {path: schema.STATUS}, {path})[path]
+    _check_rows(store, status, rows, config.block_size)
     for kind, value in changes:
         if kind == "mark":
             _check_mark(config, value)

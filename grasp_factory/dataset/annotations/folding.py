@@ -1,13 +1,10 @@
-"""Computing the current annotations from changes, with pure functions."""
+"""Computing the current annotations from changes, in a time that is linear in their number."""
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
-from grasp_factory.core.serialization import from_plain
 from grasp_factory.dataset.annotations.records import Annotation, Change, Mark
 
 
@@ -17,49 +14,78 @@ def fold(changes: Iterable[Change]) -> dict[int, Annotation]:
     The order of the changes counts, not their times.
     """
     out: dict[int, Annotation] = {}
-    for change in changes:
-        fold_in(out, change)
+    fold_in(out, changes)
     return out
 
 
-def fold_in(annotations: dict[int, Annotation], change: Change) -> bool:
-    """Apply one change to the annotations; return whether it had an effect."""
-    before = annotations.get(change.row)
-    after = changed(before, change)
-    if after is None:
-        annotations.pop(change.row, None)
-    else:
-        annotations[change.row] = after
-    return after is not before
+def fold_in(annotations: dict[int, Annotation], changes: Iterable[Change]) -> list[Change]:
+    """Apply changes to the annotations, by row; return those that had an effect."""
+    open_rows: dict[int, _Standing] = {}
+    effective = []
+    for change in changes:
+        standing = open_rows.get(change.row)
+        if standing is None:
+            standing = open_rows[change.row] = _Standing(annotations.get(change.row))
+        if standing.apply(change):
+            effective.append(change)
+    for row, standing in open_rows.items():
+        after = standing.annotation(row)
+        if after.is_empty:
+            annotations.pop(row, None)
+        else:
+            annotations[row] = after
+    return effective
 
 
-def changed(before: Annotation | None, change: Change) -> Annotation | None:
-    """Return the annotation of an episode after a change; None if nothing is set.
+class _Standing:
+    """The annotation of a row while changes are applied to it."""
 
-    If the change has no effect, return ``before`` itself.
-    """
-    old = before or Annotation(row=change.row)
-    new = _with(old, change)
-    if new == old:
-        return before
-    return None if new.is_empty else replace(new, changed=change.when, by=change.who)
+    __slots__ = ("_by", "_changed", "_marks", "_tags", "_values")
 
+    def __init__(self, before: Annotation | None) -> None:
+        old = before or Annotation(row=0)
+        self._tags, self._marks = set(old.tags), {mark.id: mark for mark in old.marks}
+        self._values: dict[str, Any] = {
+            "note": old.note,
+            "quality": old.quality,
+            "outcome": old.outcome,
+        }
+        self._changed, self._by = old.changed, old.by
 
-def _with(old: Annotation, change: Change) -> Annotation:
-    value = change.value
-    match change.kind:
-        case "tag":
-            at = bisect_left(old.tags, value)
-            if old.tags[at : at + 1] == (value,):
-                return old
-            more: dict[str, Any] = {"tags": (*old.tags[:at], value, *old.tags[at:])}
-        case "untag":
-            more = {"tags": tuple(tag for tag in old.tags if tag != value)}
-        case "mark":
-            marks = {mark.id: mark for mark in old.marks} | {value["id"]: from_plain(Mark, value)}
-            more = {"marks": tuple(marks.values())}
-        case "unmark":
-            more = {"marks": tuple(mark for mark in old.marks if mark.id != value)}
-        case kind:  # note, quality, outcome: the last one counts
-            more = {kind: value}
-    return replace(old, **more)
+    def apply(self, change: Change) -> bool:
+        """Apply a change; return whether it had an effect."""
+        if not self._set(change.kind, change.value):
+            return False
+        self._changed, self._by = change.when, change.who
+        return True
+
+    def annotation(self, row: int) -> Annotation:
+        """Return the annotation as it stands."""
+        return Annotation(
+            row=row,
+            tags=tuple(sorted(self._tags)),
+            marks=tuple(self._marks.values()),
+            changed=self._changed,
+            by=self._by,
+            **self._values,
+        )
+
+    def _set(self, kind: str, value: Any) -> bool:
+        match kind:
+            case "tag":
+                is_new = value not in self._tags
+                self._tags.add(value)
+                return is_new
+            case "untag":
+                had = value in self._tags
+                self._tags.discard(value)
+                return had
+            case "mark":
+                mark = Mark(**value)
+                old, self._marks[mark.id] = self._marks.get(mark.id), mark
+                return mark != old
+            case "unmark":
+                return self._marks.pop(value, None) is not None
+            case _:  # note, quality, outcome: the last one counts
+                before, self._values[kind] = self._values[kind], value
+                return bool(value != before)

@@ -8,6 +8,7 @@ import zlib
 from datetime import UTC, datetime
 from typing import Any
 
+from grasp_factory.core.json_text import parsed
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.dataset.annotations.records import Change
 from grasp_factory.dataset.annotations.values import checked, checked_who
@@ -43,7 +44,7 @@ def decode(line: bytes) -> Change:
     if not sealed or int(sealed[1], 16) != zlib.crc32(text):
         raise ValueError("does not match its checksum" if sealed else "has no checksum")
     try:
-        record = json.loads(line)
+        record = parsed(line)
         row, when = record["row"], record["when"]
         is_place = is_integer(row) and 0 <= row < MOST_ROWS
         if not (is_place and isinstance(when, str) and _WHEN.fullmatch(when)):
@@ -51,7 +52,7 @@ def decode(line: bytes) -> Change:
         datetime.fromisoformat(when)
         value = checked(record["kind"], record["value"])
         who = checked_who(record["who"])
-    except (ValueError, KeyError, TypeError, RecursionError, UsageError):
+    except (ValueError, KeyError, TypeError, UsageError):
         raise ValueError("is no change that this version knows") from None
     return Change(when=when, who=who, row=row, kind=record["kind"], value=value)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from grasp_factory.core.csv_text import CsvWriter
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.annotations.records import Annotation, Change
 from grasp_factory.dataset.counts import most_frequent_first
@@ -70,7 +70,8 @@ def change_text(change: Change) -> str:
 
 def _csv(columns: Sequence[str], records: Iterable[dict[str, Any]]) -> str:
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([record[name] for name in columns] for record in records)
+    writer = CsvWriter(out)
+    writer.row(columns)
+    for record in records:
+        writer.row(record[name] for name in columns)
     return out.getvalue()

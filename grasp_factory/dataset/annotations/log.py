@@ -45,16 +45,14 @@ class _Seen:
 
     def take(self, data: bytes) -> None:
         """Add the whole lines of data that follows; an unfinished last line is left for later."""
-        end = data.rfind(b"\n") + 1
+        end, first = data.rfind(b"\n") + 1, len(self.changes)
         for line in data[:end].split(b"\n")[:-1]:
             self.lines += 1
             try:
-                change = decode(line)
+                self.changes.append(decode(line))
             except ValueError as error:
                 self.damaged.append((self.lines, str(error)))
-                continue
-            self.changes.append(change)
-            fold_in(self.annotations, change)
+        fold_in(self.annotations, self.changes[first:])
         self.size += end
         self.tail = (self.tail + data[:end])[-_TAIL:]
         self.is_finished = end == len(data)
@@ -74,7 +72,6 @@ class AnnotationLog:
     def __init__(self, store: Path | str) -> None:
         """Use the store at ``store``; nothing is read yet, and the log need not exist."""
         self.store = Path(store)
-        self._file = log_file(self.store)
         self._seen, self._lock = _Seen(), threading.Lock()
 
     def changes(self) -> list[Change]:
@@ -133,7 +130,7 @@ class AnnotationLog:
         This is a cheap way to find out whether anything was added.
         """
         try:
-            found = self._file.stat()
+            found = log_file(self.store).stat()
         except OSError:
             return 0, 0
         return found.st_size, found.st_mtime_ns
@@ -155,7 +152,8 @@ class AnnotationLog:
 
         Raises:
             UsageError: for an invalid row, name, kind or value, or if there is no store.
-            StoreError: if the log cannot be written; it is then unchanged.
+            StoreError: if the log cannot be written, or would be too large to read; it is then
+                unchanged.
         """
         name, places = checked_who(who), _checked_rows(rows)
         wanted = [(kind, checked(kind, value)) for kind, value in changes]
@@ -170,7 +168,7 @@ class AnnotationLog:
         if lines:
             with appending(self.store) as descriptor:
                 after, lines = self._planned(name, places, wanted)  # the log may have grown
-                append(descriptor, b"".join(lines))
+                append(self.store, descriptor, b"".join(lines))
         return {row: after.get(row) for row in places}
 
     def _planned(
@@ -179,18 +177,16 @@ class AnnotationLog:
         """Return the annotations of some rows after changes, and the lines of effective changes."""
         standing, when = self._read().annotations, now()
         after = {row: standing[row] for row in rows if row in standing}
-        lines = []
+        lines: list[bytes] = []
         for row in rows:
-            for kind, value in changes:
-                change = Change(when=when, who=who, row=row, kind=kind, value=value)
-                if fold_in(after, change):
-                    lines.append(encode(change))
+            mine = (Change(when=when, who=who, row=row, kind=k, value=v) for k, v in changes)
+            lines += map(encode, fold_in(after, mine))
             _check_amount(row, standing.get(row), after.get(row))
         return after, lines
 
     def _read(self) -> _Seen:
         """Read what was appended since the last read; the whole file if it was replaced."""
-        with self._lock, reading(self._file) as descriptor:
+        with self._lock, reading(self.store) as descriptor:
             if descriptor is None:
                 self._seen = _Seen()
                 return self._seen

@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import stat
 import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from grasp_factory.core.atomic_file import fsync, write_atomic
+from grasp_factory.core.limits import LOG
 from grasp_factory.core.locked_file import open_locked
+from grasp_factory.core.place import Place, fsync_places, place_of
+from grasp_factory.core.regular_file import check_regular
 from grasp_factory.dataset.annotations.lines import decode
 from grasp_factory.errors import StoreBusyError, StoreError
 from grasp_factory.writers.zarr.metadata_checksum import is_sealed
@@ -20,49 +21,38 @@ from grasp_factory.writers.zarr.placeholder import write_placeholder
 
 FOLDER, NAME = "annotations", "log.jsonl"
 DESCRIPTION = "place of log.jsonl, what people say of episodes; not derived, only appended to"
-LINK = "is a link, and annotations stay in their store"
-OWN_FOLDER = "put a copy of what it leads to in its place, or remove it"
 WAIT_S = 30.0
 """Seconds to wait for the lock; a change holds it for milliseconds."""
 _WINDOW = 1 << 16
 
 
-def log_file(store: Path) -> Path:
-    """Return the path of a store's log, whether it exists or not."""
-    return store / FOLDER / NAME
-
-
-def check_own(folder: Path) -> None:
-    """Check that a store's folder of annotations is in the store.
-
-    Through a link, a hostile store could cause reads and writes of files outside of it.
+def log_file(store: Path) -> Place:
+    """Return the place of a store's log, whether it exists or not.
 
     Raises:
-        StoreError: if it is a link.
+        OSError: if there is no store.
     """
-    if folder.is_symlink():
-        raise StoreError(f"{folder} {LINK}: {OWN_FOLDER}")
+    return place_of(store) / FOLDER / NAME
 
 
 @contextlib.contextmanager
-def reading(file: Path) -> Iterator[int | None]:
-    """Yield the descriptor of the log, open for reading; None if there is none.
+def reading(store: Path) -> Iterator[int | None]:
+    """Yield the descriptor of a store's log, open for reading; None if there is none.
 
     Raises:
         StoreError: if it cannot be read, is no regular file, or the path contains a link.
+        LimitError: if it is larger than the limit.
     """
-    check_own(file.parent)
+    file = store / FOLDER / NAME
     try:
-        # O_NONBLOCK: opening a FIFO would block.
-        flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-        descriptor = os.open(file, flags)
+        descriptor = log_file(store).open()
     except (FileNotFoundError, NotADirectoryError):
         yield None
         return
     except OSError as error:
         raise _cannot("read", file, error) from None
     try:
-        _check_regular(file, descriptor)
+        LOG.check(os.fstat(descriptor).st_size, file)
         yield descriptor
     except OSError as error:
         raise _cannot("read", file, error) from None
@@ -80,18 +70,18 @@ def appending(store: Path) -> Iterator[int]:
         StoreError: if it cannot be written.
         StoreBusyError: if another process holds the lock for too long.
     """
-    file = log_file(store)
-    check_own(file.parent)
+    file = store / FOLDER / NAME
     try:
-        file.parent.mkdir(exist_ok=True)
-        descriptor = _take(file)
+        log = log_file(store)
+        log.parent.mkdir(exist_ok=True)
+        descriptor = _take(log)
     except OSError as error:
         raise _cannot("written", file, error) from None
     try:
-        if not is_sealed(file.parent / "zarr.json"):
-            write_placeholder(store, FOLDER, DESCRIPTION)
+        if not is_sealed(log.parent / "zarr.json"):
+            write_placeholder(place_of(store), FOLDER, DESCRIPTION)
         if not os.fstat(descriptor).st_size:
-            fsync([file.parent])  # the file may be new
+            fsync_places([log.parent])  # the file may be new
         settle(descriptor)
         yield descriptor
     except OSError as error:
@@ -100,13 +90,15 @@ def appending(store: Path) -> Iterator[int]:
         os.close(descriptor)  # this releases the lock
 
 
-def append(descriptor: int, data: bytes) -> None:
-    """Append all of the data to the log, or nothing, and wait until it is on the disk.
+def append(store: Path, descriptor: int, data: bytes) -> None:
+    """Append all of the data to the log of a store, or nothing, and wait until it is on the disk.
 
     Raises:
         OSError: if the disk fails or is full.
+        LimitError: if readers would refuse the log.
     """
     size = os.fstat(descriptor).st_size
+    LOG.check(size + len(data), store / FOLDER / NAME)
     try:
         left = memoryview(data)
         while left:
@@ -141,9 +133,11 @@ def replace_log(store: Path, data: bytes) -> None:
 
     Raises:
         OSError: if the disk fails.
+        LimitError: if readers would refuse the log.
     """
-    write_placeholder(store, FOLDER, DESCRIPTION)
-    write_atomic(log_file(store), data, durable=True)
+    LOG.check(len(data), store / FOLDER / NAME)
+    write_placeholder(place_of(store), FOLDER, DESCRIPTION)
+    log_file(store).write(data, durable=True)
 
 
 def _last_line(descriptor: int, size: int) -> bytes:
@@ -156,29 +150,25 @@ def _last_line(descriptor: int, size: int) -> bytes:
         window *= 2
 
 
-def _take(file: Path) -> int:
+def _take(log: Place) -> int:
     """Return the log's descriptor, locked; wait while another process holds the lock."""
     deadline = time.monotonic() + WAIT_S
-    check = partial(_check_regular, file)
+    check = partial(check_regular, file=log.path, is_written=True)
     while True:
         try:
-            return open_locked(file, flags=os.O_APPEND, mode=0o666, check=check)
+            with log.above() as (folder, name):
+                return open_locked(
+                    Path(name), flags=os.O_APPEND, mode=0o666, check=check, folder=folder
+                )
         except BlockingIOError:
             if time.monotonic() > deadline:
                 what = f"another process holds it for more than {WAIT_S:.0f} s"
-                raise StoreBusyError(f"{file} cannot be written: {what}; try again") from None
+                raise StoreBusyError(f"{log} cannot be written: {what}; try again") from None
             time.sleep(0.005)
-
-
-def _check_regular(file: Path, descriptor: int) -> None:
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        raise StoreError(f"{file} is in the way: it is no file; move it")
 
 
 def _cannot(what: str, file: Path, error: OSError) -> StoreError:
     why = error.strerror or str(error)
-    if error.errno == errno.ELOOP:
-        why = f"it {LINK}; put a file in its place"
-    elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS) and what == "written":
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS) and what == "written":
         why += "; the store can be read, but not annotated, by you at this place"
     return StoreError(f"{file} cannot be {what}: {why}")

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.core.cache import cache_dir, digest
 from grasp_factory.dataset.annotations import Annotation, AnnotationLog
 from grasp_factory.dataset.index.columns import BY_NAME, OF_PEOPLE, OF_ROWS, OF_STORES
-from grasp_factory.dataset.index.database import built_aside, quoted, row_id
+from grasp_factory.dataset.index.database import built_aside, cannot_write, quoted, row_id
 from grasp_factory.dataset.index.indexed_store import IndexSource, state_of
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.writers.zarr.header import read_attributes
-
-SUFFIX = ".index.sqlite"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,10 +31,19 @@ class Built:
     bytes: int
 
 
-def default_path(store: Path) -> Path:
-    """Return the path of a store's index: next to the store, as ``grasps.zarr.index.sqlite``."""
-    whole = Path(os.path.abspath(store))
-    return whole.with_name(whole.name + SUFFIX)
+def default_path(stores: Sequence[Path]) -> Path:
+    """Return the path of the index of some stores, in a folder of the cache, which is made.
+
+    Raises:
+        UsageError: if there is no place for the cache, or it cannot be written.
+    """
+    name = digest("\n".join(os.path.abspath(store) for store in stores).encode())
+    folder = cache_dir() / "indexes"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(folder, error.strerror or str(error)) from None
+    return folder / f"{name}.sqlite"
 
 
 def places(stores: Sequence[Path]) -> list[Path]:

@@ -9,16 +9,24 @@ import struct
 import time
 import zlib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from grasp_factory.core.atomic_file import move_into_place
 from grasp_factory.core.locked_file import has_name, open_locked
+from grasp_factory.core.regular_file import check_regular, open_regular
 from grasp_factory.dataset.index.columns import BY_NAME, OF_ROWS
+from grasp_factory.dataset.index.made_here import (
+    changing,
+    new_token,
+    remember,
+    remove_side_files,
+)
 from grasp_factory.errors import StoreError, UsageError
 
 APPLICATION_ID = 0x47464958
 """Marks SQLite files that are an index of grasp-factory: ``GFIX``."""
-TABLES = 1
+TABLES = 3
 """Version of the tables, apart from the columns of episodes."""
 _COLUMNS = [(name, BY_NAME[name].kind) for name in OF_ROWS]
 VERSION = zlib.crc32(repr((TABLES, _COLUMNS)).encode()) >> 1
@@ -64,7 +72,7 @@ def version_of(file: Path) -> int | None:
         UsageError: if the file is no index of grasp-factory.
     """
     try:
-        with file.open("rb") as opened:
+        with os.fdopen(open_regular(file.resolve(), os.O_RDONLY), "rb") as opened:
             header = opened.read(_HEADER)
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -91,22 +99,12 @@ def connect(file: Path, mode: str) -> sqlite3.Connection:
     )
     try:
         connection.execute("PRAGMA trusted_schema = OFF")
-        connection.execute(
-            "PRAGMA cache_size = -65536"
-        )  # reads the file; rolls back an unfinished change if allowed
+        connection.execute("PRAGMA journal_mode = MEMORY")  # no file beside it
+        connection.execute("PRAGMA cache_size = -65536")
     except BaseException:
         connection.close()
         raise
     return connection
-
-
-def connect_reading(file: Path) -> sqlite3.Connection:
-    """Open an index for reading; the unfinished change of a killed writer is rolled back first."""
-    try:
-        return connect(file, "ro")
-    except sqlite3.OperationalError:
-        with contextlib.closing(connect(file, "rw")):
-            return connect(file, "ro")
 
 
 @contextlib.contextmanager
@@ -133,7 +131,7 @@ def _connect_writing(file: Path) -> sqlite3.Connection:
     try:
         return connect(file, "rw")
     except sqlite3.OperationalError as error:
-        raise _cannot_write(file, str(error)) from None
+        raise cannot_write(file, str(error)) from None
 
 
 @contextlib.contextmanager
@@ -143,16 +141,23 @@ def writing(file: Path) -> Iterator[sqlite3.Connection]:
     Raises:
         UsageError: if the file cannot be written.
     """
-    with contextlib.closing(_connect_writing(file)) as connection:
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(changing(file))
+        except OSError as error:
+            raise cannot_write(file, error.strerror or str(error)) from None
+        connection = stack.enter_context(contextlib.closing(_connect_writing(file)))
         # A transaction that spills from its cache locks readers out from then on.
         connection.execute("PRAGMA cache_spill = OFF")
         try:
+            connection.execute("UPDATE facts SET is_whole = 0")
             connection.execute("BEGIN IMMEDIATE")
             yield connection
             connection.execute("UPDATE facts SET generation = generation + 1")
             connection.execute("COMMIT")
+            connection.execute("UPDATE facts SET is_whole = 1")
         except sqlite3.OperationalError as error:
-            raise _cannot_write(file, str(error)) from None
+            raise cannot_write(file, str(error)) from None
         except sqlite3.DatabaseError as error:
             raise damaged(file, error) from None
 
@@ -170,30 +175,34 @@ def built_aside(file: Path) -> Iterator[sqlite3.Connection]:
     place = file.with_name(f".{file.name}.building")
     with contextlib.ExitStack() as stack:
         try:
-            descriptor = open_locked(place, wait=True)
+            check = partial(check_regular, file=place, is_written=True)
+            descriptor = open_locked(place, wait=True, check=check)
             stack.callback(os.close, descriptor)
             stack.callback(_remove_own, place, descriptor)
             os.ftruncate(descriptor, 0)  # remove what a killed process left
+            remove_side_files(place)
             connection = stack.enter_context(contextlib.closing(connect(place, "rw")))
             for pragma in ("journal_mode = OFF", "synchronous = OFF", "locking_mode = EXCLUSIVE"):
                 connection.execute(f"PRAGMA {pragma}")
             connection.execute("PRAGMA cache_size = -200000")
             connection.execute("BEGIN")
-            _create_tables(connection)
+            token = new_token()
+            _create_tables(connection, token)
             yield connection
             _create_indices(connection)
             connection.execute("COMMIT")
-            connection.execute("PRAGMA locking_mode = NORMAL")
-            connection.execute("PRAGMA journal_mode = DELETE")
             connection.close()
+            remember(place, token)  # before it has its name, by which others find it
+            remove_side_files(file)
             move_into_place(place, file, durable=True)
         except OSError as error:
-            raise _cannot_write(file, error.strerror or str(error)) from None
+            raise cannot_write(file, error.strerror or str(error)) from None
         except sqlite3.OperationalError as error:
-            raise _cannot_write(file, str(error)) from None
+            raise cannot_write(file, str(error)) from None
 
 
-def _cannot_write(file: Path, why: str) -> UsageError:
+def cannot_write(file: Path, why: str) -> UsageError:
+    """Return the error to raise for an index that cannot be written."""
     where = "name one that can be: --out FILE of index, --index FILE of other commands"
     return UsageError(f"index {file} cannot be written: {why}; {where}")
 
@@ -217,15 +226,15 @@ def _remove_own(place: Path, descriptor: int) -> None:
         place.unlink()
 
 
-def _create_tables(connection: sqlite3.Connection) -> None:
+def _create_tables(connection: sqlite3.Connection, token: str) -> None:
     columns = ", ".join(
         f"{quoted(name)} {_TYPES.get(BY_NAME[name].kind, 'TEXT')}" for name in OF_ROWS
     )
     for statement in (
         f"PRAGMA application_id = {APPLICATION_ID}",
         f"PRAGMA user_version = {VERSION}",
-        "CREATE TABLE facts (generation INTEGER NOT NULL)",
-        "INSERT INTO facts VALUES (1)",
+        "CREATE TABLE facts (generation INTEGER NOT NULL, token TEXT NOT NULL, is_whole INTEGER)",
+        f"INSERT INTO facts VALUES (1, '{token}', 1)",
         "CREATE TABLE stores (id INTEGER PRIMARY KEY, path TEXT NOT NULL, root TEXT, state TEXT,"
         " annotations TEXT, scenario TEXT, task_type TEXT, extracted_path TEXT, sensor_setup TEXT)",
         "CREATE TABLE blocks (store INTEGER, block INTEGER, marker TEXT,"

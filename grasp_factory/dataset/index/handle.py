@@ -17,7 +17,7 @@ from grasp_factory.dataset.index.building import set_annotation
 from grasp_factory.dataset.index.choosing import all_in_order, count_found, some_in_order
 from grasp_factory.dataset.index.columns import BY_NAME
 from grasp_factory.dataset.index.database import (
-    connect_reading,
+    connect,
     damaged,
     gone,
     limited,
@@ -255,7 +255,7 @@ class Index:
             raise gone(self.path) from None
         file = (found.st_dev, found.st_ino)
         if getattr(self._threads, "file", None) != file:
-            connection = connect_reading(self.path)
+            connection = connect(self.path, "ro")
             self._threads.connection, self._threads.file = connection, file
             with self._lock:
                 self._connections.append(connection)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
@@ -15,10 +14,13 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.enums import Outcome
+from grasp_factory.core.place import place_of
+from grasp_factory.core.place_tree import file_facts
 from grasp_factory.dataset.index.columns import OF_ROWS, STATUSES, STORED
 from grasp_factory.dataset.index.words import lighting, scenario, sensor_setup
-from grasp_factory.errors import StoreError
+from grasp_factory.errors import LimitError, StoreError
 from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.layout import block_number
 from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 
 TASK = "grasp"
@@ -47,14 +49,14 @@ class IndexSource:
         """
         self.path = path
         self._columns = Columns.open(path)
-        facts = os.stat(path / "zarr.json")
+        facts = (self._columns.place / "zarr.json").stat()
         self.root = f"{facts.st_mtime_ns} {facts.st_ino}"
         self._config = self._columns.config
         fields = {row.path: row for row in schema.expand(self._config)}
         there = self._columns.names
         self._fields = {name: fields[f"episodes/{name}"] for name in STORED if name in there}
         self._files = [
-            (f"{path}/{row.path}/", ".0" * len(row.dims), row.is_video)
+            (self._columns.place / row.path, ".0" * len(row.dims), row.is_video)
             for row in schema.expand(self._config)
         ]
 
@@ -75,15 +77,12 @@ class IndexSource:
             StoreError: if the directory of their markers cannot be read.
         """
         last = -(-self._columns.length // self._config.block_size)
-        tail = ".0" * len(schema.STATUS.dims)
         out = {}
         try:
-            with os.scandir(self.path / MARKERS) as entries:
-                for entry in entries:
-                    number = entry.name.removesuffix(tail)
-                    if number.isdecimal() and int(number) < last:
-                        facts = entry.stat()
-                        out[int(number)] = f"{facts.st_mtime_ns} {facts.st_ino}"
+            for name, facts in file_facts(self._columns.place / MARKERS):
+                number = block_number(name, schema.STATUS)
+                if number is not None and number < last:
+                    out[number] = f"{facts.st_mtime_ns} {facts.st_ino}"
         except OSError as error:
             what = f"{self.path}: {MARKERS} cannot be read"
             raise StoreError(f"{what}: {error.strerror}") from None
@@ -111,6 +110,8 @@ class IndexSource:
     def _whole(self) -> Mapping[str, NDArray[Any]]:
         try:
             return self._columns.read("status", *self._fields)
+        except LimitError:
+            raise
         except StoreError:  # reading block by block finds what is damaged
             return {}
 
@@ -122,10 +123,13 @@ class IndexSource:
         def read(name: str) -> NDArray[Any]:
             if name in whole:
                 return whole[name][start:stop]
-            return self._columns.read_rows(name, start, stop)
+            return text.count(self._columns.read_rows(name, start, stop))
 
+        text = self._columns.text_budget()
         try:
             return list(self._derived(start, stop, read, markers))
+        except LimitError:
+            raise
         except StoreError as error:
             if len(chunk) > 1:
                 return [
@@ -139,6 +143,8 @@ class IndexSource:
         self, start: int, stop: int, read: Any, markers: Mapping[int, str]
     ) -> Iterator[tuple[Any, ...]]:
         status = read("status")
+        if (status > QUARANTINED).any():
+            raise StoreError(f"{schema.STATUS.path} has values that no row has")
         columns = {name: _plain(field, read(name)) for name, field in self._fields.items()}
         columns["checksum"] = read("checksum").tolist()
         specs = read("spec").tolist()
@@ -178,10 +184,10 @@ class IndexSource:
         """Return a row's share of the size of its block's files, in MB."""
         start, stop = self._columns.rows(block)
         total = 0
-        for head, tail, by_episode in self._files:
+        for folder, tail, by_episode in self._files:
             for number in range(start, stop) if by_episode else (block,):
                 try:
-                    total += os.stat(f"{head}{number}{tail}").st_size
+                    total += folder.size_of(f"{number}{tail}")
                 except OSError:  # an array that an older store lacks
                     continue
         return round(total / (stop - start) / 1e6, 6)
@@ -205,8 +211,9 @@ def state_of(store: Path) -> str | None:
     now = datetime.now(UTC).timestamp()
     parts, newest = [], 0.0
     try:
+        place = place_of(store)
         for name in ("zarr.json", f"{MARKERS}/zarr.json", MARKERS):
-            facts = os.stat(store / name)
+            facts = (place / name).stat()
             parts.append(f"{facts.st_mtime_ns} {facts.st_ino}")
             newest = max(newest, facts.st_mtime)
     except OSError as error:
@@ -257,14 +264,20 @@ def _lighting(spec: str) -> str | None:
     return lighting(found[1]) if found else None
 
 
+def _whole(value: Any) -> int | None:
+    """Return an integer; None for one that SQLite cannot store."""
+    number = int(value)
+    return number if abs(number) < 2**63 else None
+
+
 def _of_recipe(spec: str) -> dict[str, Any]:
     """Return the values, by column, that the recipe of a row contains."""
     try:
         plain = json.loads(spec)
         target = plain["objects"][0]
         return {
-            "seed": int(plain["seed"]),
-            "index": int(plain["index"]),
+            "seed": _whole(plain["seed"]),
+            "index": _whole(plain["index"]),
             "policy": str(plain["policy"]),
             "object_id": str(target["object_id"]),
             "object_set": str(target["object_set"]),
@@ -273,5 +286,5 @@ def _of_recipe(spec: str) -> dict[str, Any]:
             "object_mass": float(target["mass"]),
             "lighting": _lighting(spec),
         }
-    except (ValueError, TypeError, LookupError, RecursionError):
+    except (ValueError, TypeError, LookupError, OverflowError, RecursionError):
         return {}
