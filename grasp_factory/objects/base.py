@@ -15,6 +15,8 @@ from grasp_factory.errors import lookup
 
 MAX_PARTS = 16
 """Collision parts of a compound; with more, PyBullet 3.2.7 crashes the process."""
+MAX_HULLS = 64
+"""Convex parts in a mesh file: contact time is proportional to their number."""
 PRIMITIVES = ("box", "sphere", "cylinder", "capsule")
 """Shapes that the engine represents exactly; the axis of cylinders and capsules is z."""
 GREY = (0.6, 0.6, 0.6)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from grasp_factory.core.cache import cache_dir, is_digest, read_checked
 from grasp_factory.core.geometry import Pose, QuatXyzw, Vector3
+from grasp_factory.core.json_text import parsed
 from grasp_factory.core.serialization import check, check_range, from_plain, to_plain
 from grasp_factory.errors import ConfigError, shown
 from grasp_factory.objects.base import MAX_PARTS, PRIMITIVES, Compound, FiniteSet, ObjectModel, Part
@@ -127,8 +128,8 @@ class Manifest:
             ConfigError: if the text is not a valid manifest.
         """
         try:
-            return from_plain(cls, json.loads(data), "manifest")
-        except (ValueError, RecursionError) as error:
+            return from_plain(cls, parsed(data), "manifest")
+        except ValueError as error:
             raise ConfigError(f"no manifest of objects: {str(error)[:300]}") from None
 
     @property

@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 import io
-import re
 import zipfile
 
 from grasp_factory.core.cache import cache_dir, digest, read_checked, write
 from grasp_factory.errors import ConfigError, StoreError
-from grasp_factory.objects.folder import MAX_REACH, Manifest, read_manifest
+from grasp_factory.objects.folder import Manifest, read_manifest
 from grasp_factory.objects.folder_cache import manifest_path, mesh_path
+from grasp_factory.objects.plain_mesh import check_plain_mesh
 
 MANIFEST = "manifest.json"
 MAX_BYTES = 2**31
 """Largest size of an archive."""
-MAX_NUMBER = 2.0 * MAX_REACH
-"""Largest number in a mesh; a visual shape may extend a little beyond the collision shape."""
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """The earliest date of the zip format; with a fixed date, equal objects make equal archives."""
-_NUMBER = rb"-?\d{1,20}(?:\.\d{1,20})?(?:e-?\d{1,3})?"
-_LINE = re.compile(
-    rb"o \w{1,40}"
-    rb"|(?:v|vn)(?: " + _NUMBER + rb"){3}"
-    rb"|vt(?: " + _NUMBER + rb"){2}"
-    rb"|f(?: \d{1,9}){3}"
-    rb"|f(?: \d{1,9}/\d{1,9}/\d{1,9}){3}"
-)
-_KINDS = (b"v", b"vt", b"vn")
 
 
 def pack_folder(sha256: str) -> bytes:
@@ -97,21 +86,6 @@ def _members(data: bytes) -> dict[str, bytes]:
 
 
 def _check_mesh(sha256: str, data: bytes) -> None:
-    """Refuse a mesh on which the engine's loader could fail, or that refers to another file."""
     if digest(data) != sha256:
         raise StoreError(f"mesh {sha256} has another content than its name says")
-    lines = data.split(b"\n")
-    if lines.pop() or not all(map(_LINE.fullmatch, lines)):
-        raise StoreError(f"mesh {sha256} has lines that imports do not write")
-    values = [line for line in lines if line.startswith(b"v")]
-    if any(abs(float(word)) > MAX_NUMBER for line in values for word in line.split()[1:]):
-        raise StoreError(f"mesh {sha256} has numbers that no object has")
-    counts = [sum(line.startswith(kind + b" ") for line in lines) for kind in _KINDS]
-    faces = [line for line in lines if line.startswith(b"f ")]
-    if not faces:
-        raise StoreError(f"mesh {sha256} has no faces")
-    for line in faces:
-        for corner in line.split()[1:]:
-            pairs = zip(map(int, corner.split(b"/")), counts, strict=False)
-            if not all(1 <= index <= count for index, count in pairs):
-                raise StoreError(f"mesh {sha256} has a face without vertices")
+    check_plain_mesh(sha256, data)

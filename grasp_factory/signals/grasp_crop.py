@@ -25,6 +25,8 @@ from grasp_factory.core.serialization import check, check_range, is_integer
 
 GLANCE = 1.7
 """Factor by which pixels are farther apart on a table that is seen at 37 degrees, as by `front`."""
+MOST_POINTS = 2**26
+"""Most points that an image is divided into: four for each pixel of the largest image."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +103,9 @@ def grasp_crop(
         images: Images of the scene, of any resolution.
         T_world_tcp: The grasp, (4, 4).
         shape: Shape of the crop; None for the default.
+
+    Raises:
+        ConfigError: if the grasp is not near what the images show.
     """
     shape = shape or CropShape()
     height, sources = _sources(images, T_world_tcp, shape)
@@ -268,12 +273,15 @@ def _window(image: CameraImage, T_tcp_camera: Array, shape: CropShape) -> _Windo
     corners = turned_back(T_tcp_camera[:3, :3], at_tcp - T_tcp_camera[:3, 3])  # at the camera
     height, width = image.depth.shape
     spacing = GLANCE * float(corners[:, 2].max()) / float(image.intrinsics[0, 0])
+    check(math.isfinite(spacing), "T_world_tcp", spacing, "a pose that the camera can see")
     parts = max(1, math.ceil(spacing / shape.cell))
-    if corners[:, 2].min() <= 0.0:  # a part of the box is behind the camera
-        return _Window(rows=slice(0, height), columns=slice(0, width), parts=parts)
-    pixels = project(corners, image.intrinsics)
-    (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
-    rows, columns = _span(top, bottom, height), _span(left, right, width)
+    rows, columns = slice(0, height), slice(0, width)
+    if corners[:, 2].min() > 0.0:  # no part of the box is behind the camera
+        pixels = project(corners, image.intrinsics)
+        (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+        rows, columns = _span(top, bottom, height), _span(left, right, width)
+    points = (rows.stop - rows.start) * (columns.stop - columns.start) * parts * parts
+    check(points <= MOST_POINTS, "T_world_tcp", points, f"at most {MOST_POINTS} points of an image")
     return _Window(rows=rows, columns=columns, parts=parts)
 
 

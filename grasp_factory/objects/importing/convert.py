@@ -13,10 +13,10 @@ from scipy.spatial import ConvexHull
 from grasp_factory.core.cache import digest
 from grasp_factory.core.geometry import Array, Pose, Vector3, transform
 from grasp_factory.core.linear import total
-from grasp_factory.objects.base import PRIMITIVES, Part
+from grasp_factory.objects.base import MAX_HULLS, PRIMITIVES, Part
 from grasp_factory.objects.folder import MAX_PRIMITIVES, MAX_REACH, Geometry
 from grasp_factory.objects.importing.base import UnusableError
-from grasp_factory.objects.importing.hulls import MAX_HULLS, convex_parts, hull_of
+from grasp_factory.objects.importing.hulls import convex_parts, hull_of
 from grasp_factory.objects.importing.mesh_reader import MeshSurface, read_mesh
 from grasp_factory.objects.importing.messages import Converted, Job
 from grasp_factory.objects.importing.obj_text import collision_text, visual_text

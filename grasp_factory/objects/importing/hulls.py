@@ -21,10 +21,9 @@ from grasp_factory.objects.importing.solid_mesh import (
     without_dust,
 )
 
-MAX_HULLS = 64
-"""Hulls of an object: contact time is proportional to their number."""
 MAX_CORNERS = 64
-"""Corners of a hull, for the same reason; twice as many if points would be ``TOO_FAR`` outside."""
+"""Corners of a hull: contact time depends on them too; twice as many if points would be ``TOO_FAR``
+outside."""
 TOO_FAR = (1.8e-3, 0.025)
 """Distance in metres, or as a share of the narrowest side, whichever is larger. Scaling the hull
 makes up for about half of it."""

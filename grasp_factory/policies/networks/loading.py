@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from grasp_factory.core.json_text import parsed
 from grasp_factory.core.optional import require
 from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import UsageError, shown
@@ -73,7 +74,7 @@ def load_model(data: bytes, kind: str = "vision") -> GraspModel:
         network.load_state_dict(load(data))
         slope, offset = float(header["slope"]), float(header["offset"])
         facts = dict(header["facts"])
-    except (KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, RuntimeError, SafetensorError) as error:
         reason = str(error).splitlines()[0][:200]
         raise UsageError(f"its contents do not fit a model of kind {found}: {reason}") from None
     weights = [torch.tensor([slope, offset]), *network.state_dict().values()]
@@ -95,9 +96,9 @@ def _header(data: bytes) -> Mapping[str, Any]:
     try:
         if not 0 < length <= min(LONGEST_HEADER, len(data) - 8):
             raise ValueError("no safetensors header")
-        header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"][KEY])
+        header = parsed(parsed(data[8 : 8 + length])["__metadata__"][KEY])
         is_ours = header["format"] == FORMAT and header["kind"] in KINDS
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         raise UsageError(
             "it is no model of grasp-factory; `grasp-factory train` makes one"
         ) from None
