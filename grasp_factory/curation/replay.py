@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.platforms import (
@@ -13,6 +15,7 @@ from grasp_factory.core.platforms import (
     meaning,
     parsed,
 )
+from grasp_factory.curation import isolation
 from grasp_factory.curation.episode_distance import (
     Arrays,
     EpisodeDistance,
@@ -23,6 +26,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.selection import check_index
 from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.factory import embedded_assets
+from grasp_factory.factory.executors import SendMessage
 from grasp_factory.simulation.fingerprint import fingerprint
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
@@ -74,13 +78,29 @@ class Replay:
         )
 
 
+def _ignore(message: Any) -> None:
+    """Ignore a message: a replay reports nothing."""
+
+
 def replay(path: Path, index: int) -> Replay:
-    """Run the recipe of one stored episode in a fresh world and compare.
+    """Run the recipe of one stored episode in a fresh world, in a process of its own, and compare.
 
     Raises:
         UsageError: for an index that the store does not have, or an episode not made yet.
-        StoreError: if the stored episode is damaged.
+        StoreError: if the stored episode is damaged, or its recipe ends the process.
+        LimitError: if its recipe needs more memory or time than the limits allow.
     """
+
+    def stop(job: int, why: str) -> int:
+        raise StoreError(f"episode {job} of {path}: {isolation.ended(why)}")
+
+    task = partial(replay_here, path)
+    (result,) = isolation.isolated().run(task, [index], _ignore, stop, isolation.patience)
+    return result
+
+
+def replay_here(path: Path, index: int, report: SendMessage = _ignore) -> Replay:
+    """Do as ``replay`` does, in this process. Nothing is reported."""
     dataset = Dataset.open(path)
     index = check_index(dataset, index)
     embedded_assets.unpack(path, dataset.config)

@@ -13,7 +13,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.os_errors import HOW_TO_CONTINUE, MACHINE_ERRNOS, NO_THREAD
 from grasp_factory.dataset.row_reader import RowReader, StoredRow
-from grasp_factory.errors import RecipeError, StoreError
+from grasp_factory.errors import LimitError, RecipeError, StoreError
 from grasp_factory.factory.block_job import (
     LONGEST_REASON,
     Begun,
@@ -106,7 +106,7 @@ class BlockMaker:
         except RecipeError as error:
             _raise_if_machine_failed(error.__context__, spec.index)
             return Quarantined(spec, str(error))
-        except MemoryError:
+        except (MemoryError, LimitError):
             raise
         except Exception as error:
             _raise_if_machine_failed(error, spec.index)

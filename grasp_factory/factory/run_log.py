@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory import __version__
-from grasp_factory.errors import GraspFactoryWarning
+from grasp_factory.core.regular_file import open_regular
+from grasp_factory.errors import GraspFactoryWarning, IrregularFileError, StoreMismatchError
 from grasp_factory.factory.run_request import Request
 from grasp_factory.writers.zarr.files import cannot_write
 
@@ -45,12 +46,15 @@ class RunLog:
         """Open the log and start the clock.
 
         Raises:
-            StoreMismatchError: if something else has the log's name.
+            StoreMismatchError: if it cannot be created, or a link has its name.
             StoreError: if the disk or its permissions prevent writing.
         """
-        self._is_new = not self.path.exists()
+        self._is_new = not os.path.lexists(self.path)
         try:
-            self._file = self.path.open("ab+", buffering=0)
+            descriptor = open_regular(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT)
+            self._file = open(descriptor, "ab+", buffering=0)
+        except IrregularFileError as error:
+            raise StoreMismatchError(str(error)) from None
         except OSError as error:
             raise cannot_write(self.path, error) from None
         self._started, self._clock = datetime.now(UTC), time.monotonic()

@@ -20,10 +20,10 @@ from grasp_factory.curation.merge.source_store import SourceStore
 from grasp_factory.curation.merge.staged_store import StagedStore
 from grasp_factory.curation.merge.union import NOBODY, RowPlan
 from grasp_factory.dataset.row_reader import RowReader, StoredRow, mending
-from grasp_factory.errors import StoreError
+from grasp_factory.errors import LimitError, StoreError
 from grasp_factory.writers.zarr.columns import Columns
-from grasp_factory.writers.zarr.embedded import embedded_in
-from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store, read_array
+from grasp_factory.writers.zarr.embedded import embedded_in, open_embedded
+from grasp_factory.writers.zarr.header import SOURCES, open_store, read_array
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
 from grasp_factory.writers.zarr.segment_packing import pack
 from grasp_factory.writers.zarr.store import create_store
@@ -128,8 +128,10 @@ def _carried(sources: Sequence[SourceStore], name: str) -> bytes:
     """Return the embedded data at a path, from the first store with an undamaged copy."""
     for source in sources:
         try:
-            array = open_array(open_store(source.path, mode="r")[0], name)
+            array = open_embedded(open_store(source.path, mode="r")[0], name)
             content = read_array(array)
+        except LimitError:
+            raise
         except StoreError:
             continue
         if array.attrs.get(VALUES_SEAL) == values_digest(content):

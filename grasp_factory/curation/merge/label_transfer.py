@@ -10,10 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.place import place_of
 from grasp_factory.curation.merge.source_store import SourceStore
 from grasp_factory.curation.merge.union import NOBODY, RowPlan
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.zarr.label_columns import LONGEST_NAME, NOT_LABELLED, write_label
+from grasp_factory.writers.zarr.label_columns import (
+    LONGEST_NAME,
+    NOT_LABELLED,
+    label_thresholds,
+    write_label,
+)
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, is_sealed, values_digest
 
 
@@ -65,7 +71,8 @@ def _carried(
     thresholds: list[Mapping[str, Any]] = []
     for k in used:
         values, attributes = _read(sources[k], name)
-        thresholds.append(attributes["thresholds"])
+        where = f"{sources[k].path}: labels/{name}"
+        thresholds.append(label_thresholds(where, attributes))
         mine = np.flatnonzero(plan.store == k)
         mine = mine[plan.row[mine] < len(values)]  # the store may have grown since
         outcome[mine] = values[plan.row[mine]]
@@ -75,7 +82,7 @@ def _carried(
 
 
 def _read(source: SourceStore, name: str) -> tuple[NDArray[np.uint8], dict[str, Any]]:
-    folder = source.path / "labels" / name
+    folder = place_of(source.path) / "labels" / name
     values, attributes = source.label(name)
     whole = attributes.get(VALUES_SEAL) == values_digest(values)
     if not (whole and is_sealed(folder / "outcome" / "zarr.json")):

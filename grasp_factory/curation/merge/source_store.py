@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.config.factory_config import first_difference
+from grasp_factory.core.place import place_of
 from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.curation.merge.provenance import Maker, makers_of
 from grasp_factory.curation.merge.union import Rows
@@ -49,7 +50,7 @@ class SourceStore:
         """
         self.path, self.place = Path(path), locate(Path(path))
         self._dataset = Dataset.open(self.path)
-        if not is_sealed(self.path / "zarr.json"):
+        if not is_sealed(place_of(self.path) / "zarr.json"):
             what = f"{self.path} is damaged: zarr.json is not as it was written"
             raise StoreError(f"{what}; {mending(self.path)}")
         self.attributes = {k: v for k, v in self._dataset.attributes.items() if k != SEAL}

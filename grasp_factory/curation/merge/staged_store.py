@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from grasp_factory.core.place import place_at
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.lock import StoreLock
@@ -29,9 +30,8 @@ class StagedStore:
             StoreMismatchError: if something is there, unless a killed run has left it.
         """
         self.path = Path(path)
-        target = locate(self.path)
         with self._naming():
-            self._staging = StagingFolder(target, _SUFFIX)
+            self._staging = StagingFolder(place_at(locate(self.path)), _SUFFIX)
             self._check_free()
 
     def check_apart(self, stores: Iterable[Path]) -> None:
@@ -43,11 +43,11 @@ class StagedStore:
         Raises:
             StoreMismatchError: naming the store.
         """
-        target = self._staging.target
+        target, aside = self._staging.target.path, self._staging.folder.path
         for store in stores:
             if target.is_relative_to(store):
                 raise StoreMismatchError(f"{self.path} lies in the store {store}; {_OTHER}")
-            if store.is_relative_to(self._staging.folder) or store.is_relative_to(target):
+            if store.is_relative_to(aside) or store.is_relative_to(target):
                 raise StoreMismatchError(f"{store} is what a killed run left at {self.path}")
 
     @contextlib.contextmanager
@@ -64,7 +64,7 @@ class StagedStore:
         with StoreLock(self.path), self._naming():
             self._check_free()
             with self._staging.building() as folder:
-                yield folder
+                yield folder.path
 
     def _check_free(self) -> None:
         if not self._staging.is_free():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from grasp_factory.core import schema
 from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core.place import Place
 from grasp_factory.core.platforms import Fingerprint, difference, fingerprint_of, parsed
 from grasp_factory.curation.repair.recovery import recipe, recovered
 from grasp_factory.curation.verify.contents import fingerprint_problems, read_block
@@ -49,8 +50,10 @@ class Mended:
     remade: tuple[RebuiltEpisode, ...] = ()
     lost: tuple[int, ...] = ()
     """Rows whose recipes cannot be recovered; nothing in the block was changed."""
-    is_risky: bool = False
-    """Nothing in the block was changed, because rebuilding it may crash the process."""
+    is_to_isolate: bool = False
+    """Nothing in the block was changed, because simulating a recipe may end the process."""
+    crashed: str = ""
+    """How the simulation of a committed row has ended its process. Nothing was changed."""
     unknown_platform: tuple[int, ...] = ()
     """Rows that are intact except for the fingerprint, and that differ when they are simulated on
     this platform. Nothing in the block was changed."""
@@ -74,7 +77,7 @@ class BlockRebuilder:
         Args:
             store: the store to read.
             template: the store to write.
-            isolated: whether the process may crash, as a quarantined recipe may make it do.
+            isolated: whether the process may end, as a recipe may make it do.
             accept: whether rows of another platform are simulated, too.
         """
         self._store, self._template, self._isolated = store, template, isolated
@@ -93,8 +96,13 @@ class BlockRebuilder:
         texts = {i: self._text(found[i], i) for i in rows if i not in recipes}
         unknown = {i: recipe(found[i], pieces, i) for i, text in texts.items() if text is None}
         came = self._foreseen(job.block, found, recipes, unknown)
-        if came.lost or came.is_risky or (came.foreign and not self._accept):
+        if came.lost or came.is_to_isolate or (came.foreign and not self._accept):
             report(came)
+            return
+        crashed = [i for i in job.lost if _is_committed(found[i])]
+        if crashed:
+            what = f"row {crashed[0]}: {job.lost[crashed[0]]}"
+            report(replace(came, crashed=what))
             return
         remade = []
         simulated = {**recipes, **unknown}
@@ -140,11 +148,11 @@ class BlockRebuilder:
         simulated = {**recipes, **unknown}
         differences = {i: self._difference(found[i]) for i in recipes}
         foreign = tuple(i for i in recipes if differences[i])
-        is_risky = not self._isolated and not all(_is_committed(found[i]) for i in simulated)
+        is_to_isolate = bool(simulated) and not self._isolated
         return Mended(
             block=block,
             lost=tuple(i for i, spec in simulated.items() if spec is None),
-            is_risky=is_risky and (self._accept or not foreign),
+            is_to_isolate=is_to_isolate and (self._accept or not foreign),
             foreign=foreign,
             difference=next(filter(None, differences.values()), ""),
         )
@@ -163,11 +171,6 @@ class BlockRebuilder:
         if known is None and not self._pieces.is_collected:
             known = fingerprint_of(self._pieces.attributes)
         return difference(known, Fingerprint.parse(self._maker.fingerprint))
-
-    def close(self) -> None:
-        """Close the world, if one was opened in this process."""
-        if "_maker" in self.__dict__:
-            self.__dict__.pop("_maker").close()
 
     @cached_property
     def _pieces(self) -> PartialStore:
@@ -193,7 +196,7 @@ def _recorded(row: Row) -> str:
     return str(row.get(schema.CHECKSUM.path, "")) if _is_committed(row) else ""
 
 
-def files_of(folder: Path, pieces: PartialStore, block: int) -> list[Path]:
+def files_of(folder: Place, pieces: PartialStore, block: int) -> list[Place]:
     """Return all files of a block below ``folder``, the file of its commit marker last."""
     rows = pieces.rows_of(block)
     fields = sorted(pieces.fields.values(), key=lambda field: field == schema.STATUS)

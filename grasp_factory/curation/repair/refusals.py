@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from grasp_factory.core import schema
+from grasp_factory.core.limits import MEMORY
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.curation.verify.partial_store import PartialStore
 
@@ -36,3 +37,8 @@ def sensor_added_since(pieces: PartialStore) -> str:
         return ""
     what = f"this version also records {added}, which the store does not have"
     return f"rows stay as they are: {what}; repair with its own version"
+
+
+def row_that_crashes(what: str) -> str:
+    """Return the line for a row whose simulation ends its process."""
+    return f"{what}, so its block stays as it is; if memory was short: {MEMORY.advice}"

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import glob
-import os
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.os_errors import adding_how_to_continue
+from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.serialization import from_plain
 from grasp_factory.curation.relabel import relabel
-from grasp_factory.curation.repair.rebuild import RebuiltEpisode, checksums
+from grasp_factory.curation.repair.rebuild import RebuiltEpisode
 from grasp_factory.curation.repair.repair_session import RepairSession
 from grasp_factory.curation.repair.template import remove_template, template_place
 from grasp_factory.curation.verify.auxiliary_data import leftovers, thresholds_of
 from grasp_factory.curation.verify.documents import FILE
-from grasp_factory.curation.verify.partial_store import open_pieces
 from grasp_factory.curation.verify.problems import Problem, VerifyReport
 from grasp_factory.curation.verify.verification import verify
 from grasp_factory.errors import GraspFactoryError
@@ -86,8 +83,9 @@ def _repair(
     on_episode: Callable[[int], None],
 ) -> RepairReport:
     _tidy(path)
+    left = leftovers(place_of(path))  # before anything is changed: links are refused here
     before = verify(path, workers=workers, on_start=on_start, on_episode=on_episode)
-    if before.is_whole and not leftovers(path):
+    if before.is_whole and not left:
         return RepairReport(before=before, after=before, mended=(), failed=(), remade=())
     with StoreLock(path):
         session = RepairSession(path, workers, on_episode, accept=accept)
@@ -95,9 +93,6 @@ def _repair(
     if not goes_on:
         failed = tuple(session.failed)
         return RepairReport(before=before, after=before, mended=(), failed=failed, remade=())
-    remade = list(session.remade)
-    if session.to_generate:
-        remade += _generated(path, workers, accept, session, on_episode)
     for name in sorted(_labels_of(before.problems)):
         _relabel(path, name, session)
     try:
@@ -111,40 +106,8 @@ def _repair(
         after=after,
         mended=tuple(session.mended),
         failed=tuple(session.failed),
-        remade=tuple(remade),
+        remade=tuple(session.remade),
     )
-
-
-def _generated(
-    path: Path,
-    workers: int,
-    accept: bool,
-    session: RepairSession,
-    on_episode: Callable[[int], None],
-) -> list[RebuiltEpisode]:
-    """Generate the absent blocks; return the episodes in them."""
-    from grasp_factory.factory.generate import generate  # noqa: PLC0415 - loads the simulator
-
-    pieces = open_pieces(path)[0]
-    try:
-        generate(
-            pieces.config,
-            pieces.rows,
-            path,
-            workers,
-            max_failures=1.0,
-            accept_other_platform=accept,
-            on_episode=lambda made: on_episode(made.index),
-        )
-    except GraspFactoryError as error:
-        session.failed.append(f"{len(session.to_generate)} blocks cannot be made again: {error}")
-        return []
-    pieces = open_pieces(path)[0]
-    return [
-        RebuiltEpisode(episode=row, before="", after=after)
-        for block in session.to_generate
-        for row, after in checksums(pieces, block).items()
-    ]
 
 
 def _labels_of(problems: tuple[Problem, ...]) -> set[str]:
@@ -155,7 +118,7 @@ def _labels_of(problems: tuple[Problem, ...]) -> set[str]:
 
 def _relabel(path: Path, name: str, session: RepairSession) -> None:
     """Rebuild an added label from its thresholds; if they are lost, it stays as it is."""
-    folder = path / LABELS / name
+    folder = place_of(path) / LABELS / name
     thresholds = thresholds_of(path, name)
     if thresholds is None:
         session.failed.append(
@@ -163,8 +126,8 @@ def _relabel(path: Path, name: str, session: RepairSession) -> None:
             f" run grasp-factory relabel --name {name}"
         )
         return
-    damaged = folder.with_name(f".{name}{DAMAGED}")
-    os.replace(folder, damaged)
+    damaged = folder.parent / f".{name}{DAMAGED}"
+    folder.replace(damaged)
     try:
         relabel(path, name, from_plain(LabelConfig, thresholds))
     except GraspFactoryError as error:
@@ -175,23 +138,26 @@ def _relabel(path: Path, name: str, session: RepairSession) -> None:
         _settle(damaged)
 
 
-def _settle(damaged: Path) -> None:
+def _settle(damaged: Place) -> None:
     """Put a damaged label back; if it was rebuilt, remove the damaged one, except users' files."""
-    folder = damaged.with_name(damaged.name.removesuffix(DAMAGED)[1:])
+    folder = damaged.parent / damaged.name.removesuffix(DAMAGED)[1:]
     if not folder.exists():
-        os.replace(damaged, folder)
+        damaged.replace(folder)
         return
-    for piece in list(damaged.iterdir()):
+    for piece in damaged.glob("*"):
         if piece.name not in (FILE, *LABEL_COLUMNS):
-            os.replace(piece, folder / piece.name)
-    shutil.rmtree(damaged)
+            piece.replace(folder / piece.name)
+    damaged.rmtree()
 
 
 def _tidy(path: Path) -> None:
     """Remove or put back what a killed repair has left."""
+    if not path.is_dir():
+        return
     template = template_place(path)
-    labels = sorted((path / LABELS).glob(f".*{DAMAGED}"))
-    if not (labels or any(template.parent.glob(f".*{glob.escape(template.name)}*"))):
+    labels = (place_of(path) / LABELS).glob(f".*{DAMAGED}")
+    left = [name for name in template.parent.names() if template.name in name]
+    if not (labels or left):
         return
     with StoreLock(path):
         remove_template(template)

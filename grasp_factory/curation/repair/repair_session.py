@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from grasp_factory import __version__
-from grasp_factory.core.atomic_file import fsync
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.limits import SIMULATIONS
+from grasp_factory.core.place import fsync_places, place_of
 from grasp_factory.core.schema import Field
+from grasp_factory.curation import isolation
 from grasp_factory.curation.repair.rebuild import (
     BlockRebuilder,
     Mended,
@@ -21,6 +22,7 @@ from grasp_factory.curation.repair.rebuild import (
 )
 from grasp_factory.curation.repair.refusals import (
     foreign_rows,
+    row_that_crashes,
     rows_of_unknown_platform,
     rows_without_recipe,
     sensor_added_since,
@@ -36,7 +38,6 @@ from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
 from grasp_factory.errors import ConfigError, GraspFactoryError
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, Made
-from grasp_factory.factory.executors import Executor, ProcessExecutor
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.retry_policy import Losses
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S
@@ -58,7 +59,6 @@ class RepairSession:
         mended: what was repaired or removed, one line each.
         failed: what could not be repaired, and why, one line each.
         remade: episodes that were simulated again.
-        to_generate: blocks that the factory has to make.
     """
 
     def __init__(
@@ -73,18 +73,22 @@ class RepairSession:
             accept: also simulate rows of another platform here.
         """
         self._path, self._workers, self._on_episode = path, workers, on_episode
+        self._place = place_of(path)
         self._accept = accept
         self.mended: list[str] = []
         self.failed: list[str] = []
         self.remade: list[RebuiltEpisode] = []
-        self.to_generate: list[int] = []
 
     def run(self, found: VerifyReport) -> bool:
-        """Repair what was found, except rows that the factory has to generate, and added labels.
+        """Repair what was found, except added labels.
 
         Returns:
             Whether the rest can be repaired: not if the root's metadata is lost.
+
+        Raises:
+            LimitError: if far more rows are missing than a damaged store lacks.
         """
+        SIMULATIONS.check(found.missing, self._path)
         problems = found.problems
         if _is_of_root(problems) and not self._mend_root():
             return False
@@ -127,14 +131,14 @@ class RepairSession:
         # This loads the simulator.
         from grasp_factory.factory.generate import origin_attributes  # noqa: PLC0415
 
-        place = self._path / FILE
+        place = self._place / FILE
         if has_config(self._path):
             left = read_document(place)[0]["attributes"]
             config = FactoryConfig.from_plain(left["config"])
             more = origin_attributes(config, check_names(config))
             more |= {key: left[key] for key in (SOURCES,) if key in left}
             with self._template(config, root_attributes(config, more), rows=0) as template:
-                made = read_document(template.path / FILE)[0]["attributes"]
+                made = read_document(template.place / FILE)[0]["attributes"]
                 if left.get(SEAL) == made[SEAL] or left == made | {SEAL: left.get(SEAL)}:
                     template.give_document("")
                     self.mended.append(f"{FILE} of the root is made again")
@@ -186,14 +190,14 @@ class RepairSession:
             elif why:
                 self.failed.append(f"{name}/{FILE} cannot be made again here: {why}")
                 continue
-            elif not (template.path / name / FILE).exists():
+            elif not (template.place / name / FILE).exists():
                 how = f"{embedded_assets.how_to_import(name)}, and repair again"
                 self.failed.append(f"{name} cannot be made again: {how}")
                 continue
             else:
                 template.give_document(name)
                 if name in embedded_in(pieces.config):
-                    chunks = sorted((template.path / name).glob("[0-9]*"))
+                    chunks = (template.place / name).glob("[0-9]*")
                     template.give_files(chunks)
                 has_changed |= name in pieces.fields
             self.mended.append(f"{name}/{FILE} is made again")
@@ -201,13 +205,13 @@ class RepairSession:
 
     def _remove_packed(self, damaged: Iterable[str]) -> None:
         """Remove packed segments that are damaged; all of them with the folder's metadata."""
-        for segment in segments(self._path):
+        for segment in segments(self._place):
             if {FOLDER, f"{FOLDER}/{segment.file.name}"} & set(damaged):
                 segment.file.unlink()
                 self.mended.append(f"{FOLDER}/{segment.file.name} is removed; it is derived")
         if FOLDER in damaged:
-            (self._path / FOLDER / FILE).unlink(missing_ok=True)
-            fsync([self._path / FOLDER])
+            (self._place / FOLDER / FILE).unlink(missing_ok=True)
+            fsync_places([self._place / FOLDER])
 
     def _mend_annotations(self, problems: Iterable[Problem]) -> None:
         mended, failed = mend_annotations(self._path, problems)
@@ -215,26 +219,14 @@ class RepairSession:
         self.failed += failed
 
     def _remove_leftovers(self) -> None:
-        for file in leftovers(self._path):
-            shutil.rmtree(file) if file.is_dir() else file.unlink()
-            name = file.relative_to(self._path)
-            self.mended.append(f"{name} is removed: a run that was killed had left it")
+        for file in leftovers(self._place):
+            file.rmtree() if file.is_dir() else file.unlink()
+            self.mended.append(f"{file.inner} is removed: a run that was killed had left it")
 
     def _mend_blocks(self, template: Template, pieces: PartialStore, blocks: list[int]) -> None:
-        """Keep the intact rows of these blocks, and rebuild the others.
-
-        Blocks without any file are left to the factory.
-        """
+        """Keep the intact rows of these blocks, and simulate the others."""
         losses = Losses(pieces.config.block_size, EPISODE_TIMEOUT_S, self.mended.append)
-        begun = [BlockJob(block=block) for block in blocks if _is_begun(pieces, block)]
-        absent = sorted(set(blocks) - {job.block for job in begun})
-        if pieces.is_collected:  # the factory does not know these rows
-            if absent:
-                lost = [row for block in absent for row in pieces.rows_of(block)]
-                self.failed.append(rows_without_recipe(lost))
-        else:
-            self.to_generate = absent
-        risky: list[BlockJob] = []
+        to_isolate: list[BlockJob] = []
         foreign: list[Mended] = []
 
         def hear(message: Begun | Made | Mended) -> None:
@@ -246,34 +238,34 @@ class RepairSession:
                 self.failed.append(rows_without_recipe(message.lost))
             elif message.unknown_platform:
                 self.failed.append(rows_of_unknown_platform(message.unknown_platform))
-            elif message.foreign and not message.is_risky:
+            elif message.crashed:
+                self.failed.append(row_that_crashes(message.crashed))
+            elif message.foreign and not message.is_to_isolate:
                 foreign.append(message)
                 if self._accept:
                     self._put_in_place(template, pieces, message)
-            elif message.is_risky:
-                risky.append(BlockJob(block=message.block))
+            elif message.is_to_isolate:
+                to_isolate.append(BlockJob(block=message.block))
             else:
                 self._put_in_place(template, pieces, message)
 
-        def run(executor: Executor, jobs: list[BlockJob]) -> None:
-            isolated = isinstance(executor, ProcessExecutor)
-            mender = BlockRebuilder(
-                self._path, template.path, isolated=isolated, accept=self._accept
-            )
-            with contextlib.closing(mender):
-                executor.run(mender, jobs, hear, losses.recover, losses.silence)
-
-        run(executor_for(self._workers, len(begun), few=FEW), begun)
-        if risky:
-            run(ProcessExecutor(min(self._workers, len(risky))), risky)
+        rebuilder = partial(BlockRebuilder, self._path, template.place.path, accept=self._accept)
+        how = (hear, losses.recover, losses.silence)
+        reading = executor_for(self._workers, len(blocks), few=FEW)
+        jobs = [BlockJob(block=block) for block in blocks]
+        reading.run(rebuilder(isolated=False), jobs, *how)
+        if to_isolate:
+            simulating = isolation.isolated(min(self._workers, len(to_isolate)))
+            simulating.run(rebuilder(isolated=True), to_isolate, *how)
         self._report_foreign(foreign)
 
     def _put_in_place(self, template: Template, pieces: PartialStore, made: Mended) -> None:
         """Move a complete block into the store at once, so that the template does not grow."""
-        unpack_block(self._path, made.block)
-        files = files_of(template.path, pieces, made.block)
-        others = {template.path / name for name in pieces.rewritten}  # in another layout
-        template.give_files(file for file in files if file.parent not in others)
+        unpack_block(self._place, made.block)
+        files = files_of(template.place, pieces, made.block)
+        # Arrays that another program has rewritten are in another layout.
+        others = {(template.place / name).inner for name in pieces.rewritten}
+        template.give_files(file for file in files if file.parent.inner not in others)
         self.remade += made.remade
         rows = pieces.rows_of(made.block)
         self.mended.append(f"rows {rows[0]} to {rows[-1]} are whole again")
@@ -292,8 +284,3 @@ class RepairSession:
 def _is_of_root(problems: Iterable[Problem]) -> bool:
     """Return whether one of these is a problem of the root's own metadata."""
     return any(problem.episode is None and not problem.array for problem in problems)
-
-
-def _is_begun(pieces: PartialStore, block: int) -> bool:
-    """Return whether any file of a block exists, whose rows may then be kept."""
-    return any(file.exists() for file in files_of(pieces.path, pieces, block))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-import os
 import re
-import shutil
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Self
 
-from grasp_factory.core.atomic_file import PARTIAL, fsync, partial_path, write_atomic
+from grasp_factory.core.atomic_file import PARTIAL
+from grasp_factory.core.json_text import parsed
+from grasp_factory.core.limits import DOCUMENT
+from grasp_factory.core.place import Place, fsync_places, place_at, place_of
+from grasp_factory.core.place_tree import files_below
 from grasp_factory.curation.verify.documents import FILE, read_document
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.files import locate
@@ -25,7 +28,7 @@ class Template:
     """Created as ``.NAME.repairing`` next to the store, whose lock is held; removed at the end.
 
     Attributes:
-        path: its path.
+        place: its place.
     """
 
     def __init__(self, store: Path, create: Callable[[Path], None]) -> None:
@@ -35,7 +38,11 @@ class Template:
             store: the store that is repaired.
             create: creates an empty store like it at the path that it is called with.
         """
-        self._store, self.path, self._create = locate(store), template_place(store), create
+        self._store, self.place, self._create = (
+            place_of(locate(store)),
+            template_place(store),
+            create,
+        )
 
     def __enter__(self) -> Self:
         """Create the template.
@@ -45,15 +52,16 @@ class Template:
             StoreError: if the disk fails.
         """
         try:
-            remove_template(self.path)
-            self._create(self.path)
+            remove_template(self.place)
+            self._create(self.place.path)
         except OSError as error:
-            raise StoreError(f"{self.path} cannot be written: {error.strerror}") from None
+            raise StoreError(f"{self.place} cannot be written: {error.strerror}") from None
         return self
 
     def __exit__(self, *_: object) -> None:
         """Remove the template."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            self.place.rmtree()
 
     def differs(self, names: Iterable[str]) -> str:
         """Return the first of these arrays whose metadata is intact in the store, but differs here.
@@ -62,7 +70,7 @@ class Template:
         """
         for name in names:
             ours, theirs = (
-                read_document(place / name / FILE) for place in (self.path, self._store)
+                read_document(place / name / FILE) for place in (self.place, self._store)
             )
             if not theirs[1] and ours[0] != theirs[0]:
                 return name
@@ -74,24 +82,26 @@ class Template:
         Raises:
             StoreError: if a folder with other files has its path.
         """
-        self._write_document(name, (self.path / name / FILE).read_bytes())
+        file = self.place / name / FILE if name else self.place / FILE
+        self._write_document(name, file.read_bytes(DOCUMENT))
 
     def give_empty_group(self, name: str) -> None:
         """Write the ``zarr.json`` of a group without attributes into the store."""
-        document = json.loads((self.path / "episodes" / FILE).read_bytes())
+        document = parsed((self.place / "episodes" / FILE).read_bytes(DOCUMENT))
         self._write_document(name, json.dumps(document | {"attributes": {}}, indent=2).encode())
 
     def _write_document(self, name: str, data: bytes) -> None:
-        folder = self._store / name
-        for parent in reversed([folder, *folder.relative_to(self._store).parents]):
-            if not (self._store / parent).is_dir():
-                (self._store / parent).unlink(missing_ok=True)
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = self._store
+        for part in filter(None, name.split("/")):
+            folder = folder / part
+            if not folder.is_dir():
+                folder.unlink(missing_ok=True)
+                folder.mkdir()
         _make_room(folder / FILE)
-        write_atomic(folder / FILE, data, durable=True)
-        fsync([folder.parent])
+        (folder / FILE).write(data, durable=True)
+        fsync_places([folder.parent])
 
-    def give_files(self, files: Iterable[Path]) -> None:
+    def give_files(self, files: Iterable[Place]) -> None:
         """Move files, in this order, into the store; files that are absent here are removed there.
 
         Raises:
@@ -99,23 +109,24 @@ class Template:
         """
         places = []
         for file in files:
-            place = self._store / file.relative_to(self.path)
+            place = self._store / file.below(self.place)
             _make_room(place)
             if file.exists():
-                os.replace(file, place)
+                file.replace(place)
                 places.append(place)
             else:
                 place.unlink(missing_ok=True)
-        fsync([*places, *{place.parent for place in places}])
+        folders = {place.parent.inner: place.parent for place in places}
+        fsync_places([*places, *folders.values()])
 
 
-def template_place(store: Path) -> Path:
-    """Return the path of a store's template."""
+def template_place(store: Path) -> Place:
+    """Return the place of a store's template."""
     whole = locate(store)
-    return whole.with_name(f".{whole.name}.repairing")
+    return place_at(whole.with_name(f".{whole.name}.repairing"))
 
 
-def remove_template(place: Path) -> None:
+def remove_template(place: Place) -> None:
     """Remove what a killed repair has left at and next to a template's path.
 
     Raises:
@@ -123,32 +134,32 @@ def remove_template(place: Path) -> None:
     """
     if place.exists():
         _check_own(place)
-        for folder in place.iterdir():
+        for folder in place.glob("*"):
             if folder.is_dir():
-                shutil.rmtree(folder)
-        shutil.rmtree(place)  # the root's metadata last: they identify a template
-    remove_creation(place)
+                folder.rmtree()
+        place.rmtree()  # the root's metadata last: they identify a template
+    remove_creation(place.path)
 
 
-def _check_own(place: Path) -> None:
+def _check_own(place: Place) -> None:
     try:
-        if any(place.iterdir()):
-            read_attributes(place)
+        if place.names():
+            read_attributes(place.path)
     except (NotADirectoryError, StoreMismatchError, StoreError):
         what = "it is no store that a repair has left; move it"
         raise StoreMismatchError(f"{place} is in the way: {what}") from None
 
 
-def _make_room(file: Path) -> None:
+def _make_room(file: Place) -> None:
     """Remove a folder that has the path of a file, or of its partial file, if it is the store's.
 
     Raises:
         StoreError: if it contains anything else.
     """
-    for place in (file, partial_path(file)):
-        if not place.is_dir() or place.is_symlink():
+    for place in (file, file.partial):
+        if not place.is_dir():
             continue
-        others = [name for name in place.rglob("*") if not _OURS.fullmatch(name.name)]
+        others = [inner for inner in files_below(place) if not _OURS.fullmatch(inner.name)]
         if others:
             raise StoreError(f"{others[0]} is in the way: {place} has to be a file; move it")
-        shutil.rmtree(place)
+        place.rmtree()

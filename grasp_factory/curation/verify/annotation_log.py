@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from grasp_factory.core.place import place_of
 from grasp_factory.curation.verify.auxiliary_data import placeholder_problems
 from grasp_factory.curation.verify.documents import FILE
 from grasp_factory.curation.verify.partial_store import PartialStore
@@ -13,13 +14,11 @@ from grasp_factory.dataset.annotations import AnnotationLog
 from grasp_factory.dataset.annotations.carrying import HOW_TO_MEND
 from grasp_factory.dataset.annotations.log_file import (
     DESCRIPTION,
-    LINK,
     NAME,
-    OWN_FOLDER,
     appending,
 )
 from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
-from grasp_factory.errors import StoreError
+from grasp_factory.errors import IrregularFileError, StoreError
 from grasp_factory.writers.zarr.placeholder import write_placeholder
 
 LOG = f"{ANNOTATIONS}/{NAME}"
@@ -31,12 +30,13 @@ _UNFINISHED = "its last line is unfinished: who wrote it was killed, or its end 
 def annotation_problems(pieces: PartialStore) -> Iterator[Problem]:
     """Yield a problem for each line of the log that is not a valid change of a row of the store."""
     path = pieces.path
-    if (path / ANNOTATIONS).is_symlink():
-        yield _problem(f"its folder {LINK}", OWN_FOLDER)
+    try:
+        if not (pieces.place / ANNOTATIONS).is_dir():
+            return
+    except IrregularFileError as error:
+        yield _problem("cannot be read", str(error))
         return
-    if not (path / ANNOTATIONS).is_dir():
-        return
-    yield from placeholder_problems(path, ANNOTATIONS)
+    yield from placeholder_problems(pieces.place, ANNOTATIONS)
     log = AnnotationLog(path)
     try:
         damaged, last = log.damaged(), max((change.row for change in log.changes()), default=-1)
@@ -63,7 +63,7 @@ def mend_annotations(path: Path, problems: Iterable[Problem]) -> tuple[list[str]
     mended, failed = [], []
     for problem in problems:
         if problem.array == ANNOTATIONS:
-            write_placeholder(path, ANNOTATIONS, DESCRIPTION)
+            write_placeholder(place_of(path), ANNOTATIONS, DESCRIPTION)
             mended.append(f"{ANNOTATIONS}/{FILE} is made again")
         elif problem.array == LOG and problem.advice == REPAIR:
             with appending(path):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterator, Sequence, Set
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,32 +15,40 @@ from numpy.typing import NDArray
 from grasp_factory.core import schema
 from grasp_factory.core.atomic_file import PARTIAL
 from grasp_factory.core.enums import Outcome
+from grasp_factory.core.place import Place, place_of
+from grasp_factory.core.place_tree import Entries, entries, files_below
+from grasp_factory.curation.signing import FOLDER as SIGNATURE_FOLDER
+from grasp_factory.curation.signing import SIGNATURE, SUMS
 from grasp_factory.curation.verify.documents import FILE, is_empty_group, read_document
 from grasp_factory.curation.verify.foreign_chunks import is_recoded
 from grasp_factory.curation.verify.partial_store import PartialStore
 from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
 from grasp_factory.dataset.annotations.log_file import NAME as LOG
-from grasp_factory.errors import StoreError, shown
-from grasp_factory.writers.zarr.column_segments import BYTES, FOLDER, Segment, segments
+from grasp_factory.errors import RefusedFileError, StoreError, shown
+from grasp_factory.writers.zarr.column_segments import FOLDER, Segment, apart, segments
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, embedded_in, read_embedded
-from grasp_factory.writers.zarr.header import open_array, open_store, read_array
+from grasp_factory.writers.zarr.header import open_store
 from grasp_factory.writers.zarr.label_columns import (
     LABEL_COLUMNS,
     LABELS,
     added_labels,
-    is_label,
+    label_folders,
+    read_label,
 )
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
 from grasp_factory.writers.zarr.segment_packing import NOT_PACKED
 from grasp_factory.writers.zarr.sizes import bytes_of_blocks
 from grasp_factory.writers.zarr.staging import CREATING
 
-_OTHER_FOLDERS = (ANNOTATIONS, LABELS, FOLDER, *DESCRIPTIONS)
+_OTHER_FOLDERS = (ANNOTATIONS, LABELS, FOLDER, SIGNATURE_FOLDER, *DESCRIPTIONS)
 """Folders that are checked separately."""
-_OWN_PARTIAL = re.compile(r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz)" + re.escape(PARTIAL))
+_OWN_PARTIAL = re.compile(
+    r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz|SHA256SUMS(\.sig)?)" + re.escape(PARTIAL)
+)
 _CHUNK = re.compile(r"[0-9]+(\.[0-9]+)*")
+_SHARED = "has blocks of another segment, and is not read"
 _NUMBER = re.compile(r"(0|[1-9][0-9]{0,9})((?:\.0)*)")
 
 
@@ -48,10 +56,10 @@ def embedded_problems(pieces: PartialStore) -> Iterator[Problem]:
     """Yield a problem for each embedded array that differs from the one that was written."""
     arrays = list(embedded_in(pieces.config))
     for group in dict.fromkeys(array.partition("/")[0] for array in arrays):
-        if fault := read_document(pieces.path / group / FILE)[1]:
+        if fault := read_document(pieces.place / group / FILE)[1]:
             yield _problem(group, fault)
     for array in arrays:
-        document, fault = read_document(pieces.path / array / FILE)
+        document, fault = read_document(pieces.place / array / FILE)
         if not fault or is_recoded(document):
             fault = _embedded_fault(pieces.path, array, document)
         if fault:
@@ -60,26 +68,29 @@ def embedded_problems(pieces: PartialStore) -> Iterator[Problem]:
 
 def label_problems(pieces: PartialStore) -> Iterator[Problem]:
     """Yield a problem for each added label that differs from the one that was written."""
-    path = pieces.path
-    if not (path / LABELS).is_dir():
+    path, labels = pieces.path, pieces.place / LABELS
+    if not labels.is_dir():
         return
-    names = [name for name in sorted(os.listdir(path / LABELS)) if is_label(path, name)]
-    document, fault = read_document(path / LABELS / FILE)
+    names = label_folders(pieces.place)
+    document, fault = read_document(labels / FILE)
     if fault and names and not is_empty_group(document):
         yield _problem(LABELS, fault)
+    read = partial(read_label, open_store(path, mode="r")[0], rows=pieces.rows)
     for name in names:
-        yield from added_label_faults(path, name)
+        yield from _label_faults(pieces.place, name, read)
 
 
-def added_label_faults(path: Path, name: str) -> Iterator[Problem]:
+def _label_faults(
+    store: Place, name: str, read: Callable[[str], NDArray[np.uint8]]
+) -> Iterator[Problem]:
     """Yield a problem for each part of an added label that differs from what was written."""
     values = {}
     for part in ("", *LABEL_COLUMNS):
         array = f"{LABELS}/{name}/{part}".rstrip("/")
-        document, fault = read_document(path / array / FILE)
+        document, fault = read_document(store / array / FILE)
         if part and (not fault or is_recoded(document)):
             try:
-                values[part] = read_array(open_array(open_store(path, mode="r")[0], array))
+                values[part] = read(array)
                 fault = _values_fault(values[part], document)
             except StoreError as error:
                 fault = str(error)
@@ -96,14 +107,14 @@ def rewritten_arrays(pieces: PartialStore) -> Iterator[str]:
     labels = added_labels(pieces.path)
     arrays = [f"{LABELS}/{name}/{column}" for name in labels for column in LABEL_COLUMNS]
     for array in [*arrays, *embedded_in(pieces.config)]:
-        document, fault = read_document(pieces.path / array / FILE)
+        document, fault = read_document(pieces.place / array / FILE)
         if fault and is_recoded(document):
             yield array
 
 
-def placeholder_problems(path: Path, name: str) -> Iterator[Problem]:
+def placeholder_problems(store: Place, name: str) -> Iterator[Problem]:
     """Yield a problem if a folder's placeholder is not that of an array of length 0."""
-    document, fault = read_document(path / name / FILE)
+    document, fault = read_document(store / name / FILE)
     if not fault and document["shape"] != [0]:  # the seal does not cover it
         fault = f"shape {shown(document['shape'])}, valid: [0]"
     if fault:
@@ -117,17 +128,21 @@ def packed_problems(pieces: PartialStore, broken: Set[int]) -> Iterator[Problem]
         pieces: The store.
         broken: Blocks with a problem; a segment that has one of them is not compared.
     """
-    path = pieces.path
-    if not (path / FOLDER).is_dir():
+    path, store = pieces.path, pieces.place
+    if not (store / FOLDER).is_dir():
         return
-    yield from placeholder_problems(path, FOLDER)
+    yield from placeholder_problems(store, FOLDER)
     if schema.STATUS.path not in pieces.arrays:
         return
     columns = Columns(path, pieces.config, pieces.arrays)
     there = columns.blocks()
-    for segment in segments(path):
+    found = segments(store)
+    read = {segment.file.name for segment in apart(found)}
+    for segment in found:
         if segment.is_in(there) and broken.isdisjoint(segment.blocks):
-            if fault := _segment_fault(segment, columns, pieces):
+            is_read = segment.file.name in read
+            fault = _segment_fault(segment, columns, pieces) if is_read else _SHARED
+            if fault:
                 yield _problem(f"{FOLDER}/{segment.file.name}", fault)
 
 
@@ -135,48 +150,45 @@ def unknown_file_notes(pieces: PartialStore) -> Iterator[str]:
     """Yield a note for each folder with files that are not the store's; nothing reads them."""
     own = {path: len(field.dims) for path, field in pieces.fields.items()}
     parents = {str(parent) for path in own for parent in Path(path).parents}
-    for folder, folders, files in os.walk(pieces.path):
-        name = os.path.relpath(folder, pieces.path)
-        inside = [d for d in folders if str(Path(name, d)) in own or str(Path(name, d)) in parents]
-        if name == ".":
-            inside += [d for d in _OTHER_FOLDERS if d in folders]
-        known = name in own or name in parents
-        if known:
-            strange = [d for d in folders if d not in inside]
-            strange += [f for f in files if not _is_own(f, name, pieces)]
-            folders[:] = [d for d in inside if d not in _OTHER_FOLDERS]
-        else:
-            strange, folders[:] = [], []
+    for folder in [
+        pieces.place,
+        *(pieces.place / name for name in sorted({*own, *parents} - {"."})),
+    ]:
+        name = folder.inner or "."
+        inside = entries(folder) if folder.is_dir() else Entries([], [], [])
+        known = {*own, *parents, *(_OTHER_FOLDERS if name == "." else ())}
+        strange = [d for d in inside.folders if (folder / d).inner not in known]
+        strange += [f for f in inside.files if not _is_own(f, name, pieces)] + inside.others
         if strange:
             yield _note(name, strange)
-    yield from _leftovers(pieces.path)
+    yield from _leftovers(pieces)
 
 
-def leftovers(path: Path) -> list[Path]:
-    """Return what killed runs have left in the store at ``path``, which is safe to remove.
+def leftovers(store: Place) -> list[Place]:
+    """Return what killed runs have left in a store, which is safe to remove.
 
     These are partial files, and the folders of labels that were being written.
     """
-    files = [Path(at, f) for at, _, names in os.walk(path) for f in names if f.endswith(PARTIAL)]
-    own = [file for file in files if _OWN_PARTIAL.fullmatch(file.name)]
-    return own + sorted((path / LABELS).glob(f".*{CREATING}"))
+    own = [file for file in files_below(store) if _OWN_PARTIAL.fullmatch(file.name)]
+    return own + (store / LABELS).glob(f".*{CREATING}")
 
 
-def _leftovers(path: Path) -> Iterator[str]:
+def _leftovers(pieces: PartialStore) -> Iterator[str]:
     """Yield a note for leftovers of killed runs, and users' files, in folders without rows."""
+    there = entries(pieces.place).folders
     for folder in _OTHER_FOLDERS:
-        names = os.listdir(path / folder) if (path / folder).is_dir() else []
+        names = (pieces.place / folder).names() if folder in there else []
         left = [name for name in names if _is_left(name)]
-        strange = [
-            name for name in names if name not in (FILE, *left) and _is_strange(path, folder, name)
-        ]
+        own = {FILE, *left, *_own_names(folder, names, pieces)}
+        strange = [name for name in names if name not in own]
         yield from (_note(folder, found) for found in (left, strange) if found)
 
 
-def _is_strange(path: Path, folder: str, name: str) -> bool:
-    if folder == ANNOTATIONS:
-        return name != LOG
-    return folder == LABELS and not is_label(path, name)
+def _own_names(folder: str, names: Sequence[str], pieces: PartialStore) -> Sequence[str]:
+    """Return the names that a store has in a folder without rows."""
+    if folder == LABELS and names:
+        return label_folders(pieces.place)
+    return {ANNOTATIONS: [LOG], SIGNATURE_FOLDER: [SUMS, SIGNATURE]}.get(folder, names)
 
 
 def _is_left(name: str) -> bool:
@@ -218,19 +230,21 @@ def _values_fault(values: NDArray[Any], document: Any) -> str:
 
 def _segment_fault(segment: Segment, columns: Columns, pieces: PartialStore) -> str:
     names = [name for name in columns.names if name not in NOT_PACKED]
-    paths = [f"episodes/{name}" for name in names]
-    packed = segment.read([*paths, BYTES])
-    if packed is None:
+    try:
+        packed, size = columns.packed(segment, *names), segment.block_bytes()
+    except RefusedFileError as error:
+        return str(error)
+    if packed is None or size is None:
         return "is damaged"
     rows = columns.rows(segment.blocks.start)[0], columns.rows(segment.blocks[-1])[1]
-    for name, path in zip(names, paths, strict=True):
+    for name, column in zip(names, packed, strict=True):
         try:
             values = columns.read_rows(name, *rows)
         except StoreError:
             continue  # the block has a problem for it
-        if not _is_same(packed[path], values):
+        if not _is_same(column, values):
             return f"its {name} is not that of the blocks"
-    if not pieces.rewritten and int(packed[BYTES]) != bytes_of_blocks(columns, segment.blocks):
+    if not pieces.rewritten and size != bytes_of_blocks(columns, segment.blocks):
         return "counts other bytes than the blocks have"
     return ""
 
@@ -248,7 +262,8 @@ def _problem(array: str, what: str) -> Problem:
 def thresholds_of(path: Path, name: str) -> Any:
     """Return the thresholds of an added label from its first intact part; None without any."""
     for part in ("", *LABEL_COLUMNS):
-        document, fault = read_document(path / LABELS / name / part / FILE)
+        place = place_of(path) / LABELS / name
+        document, fault = read_document(place / part / FILE if part else place / FILE)
         if not fault and "thresholds" in document["attributes"]:
             return json.loads(json.dumps(document["attributes"]["thresholds"]))
     return None

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory.core import schema
-from grasp_factory.core.atomic_file import partial_path
 from grasp_factory.core.platforms import is_fingerprint
 from grasp_factory.curation.verify.contents import (
     behind_problems,
@@ -78,10 +77,18 @@ class BlockChecker:
     def _pieces(self) -> PartialStore:
         return open_pieces(self._path)[0]
 
+    @cached_property
+    def _markers(self) -> frozenset[str]:
+        """The names of the commit markers: a look at each takes long in a store of few blocks."""
+        try:
+            return frozenset((self._pieces.place / schema.STATUS.path).names())
+        except (FileNotFoundError, NotADirectoryError):
+            return frozenset()
+
     def _check(self, block: int, findings: Findings) -> None:
         pieces, numbers = self._pieces, self._pieces.rows_of(block)
-        marker = block_files(pieces.path, schema.STATUS, block, numbers)[0]
-        if not marker.exists():
+        marker = block_files(pieces.place, schema.STATUS, block, numbers)[0]
+        if marker.name not in self._markers:
             # The block was never finished, so its other files are not content.
             findings.missing += len(numbers)
             findings.problems.append(_missing(list(numbers)))
@@ -95,7 +102,7 @@ class BlockChecker:
             findings.quarantined += status == QUARANTINED
             findings.missing += status == MISSING
             # A block that is being extended already has values of rows that its marker lacks.
-            if status != MISSING or not partial_path(marker).exists():
+            if status != MISSING or not marker.partial.exists():
                 findings.problems += row_problems(row, status, pieces, i)
             missing += [i] if status == MISSING else []
             text = str(row.get(schema.FINGERPRINT.path, ""))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.episode import checksum
+from grasp_factory.core.place import Place
 from grasp_factory.core.schema import Field
 from grasp_factory.curation.verify.partial_store import PartialStore
 from grasp_factory.curation.verify.problems import Problem
@@ -23,7 +24,7 @@ from grasp_factory.dataset.row_integrity import (
     must_have_fingerprints,
     quarantine_checksum,
 )
-from grasp_factory.errors import StoreError
+from grasp_factory.errors import IrregularFileError, StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.layout import block_files
 
@@ -40,10 +41,10 @@ def read_block(pieces: PartialStore, block: int) -> tuple[list[Row], list[Proble
     problems = []
     for path, array in pieces.arrays.items():
         field = pieces.fields[path]
-        file = block_files(pieces.path, field, block, rows)[0]
+        file = block_files(pieces.place, field, block, rows)[0]
         has_own_files = not field.is_video and path not in pieces.rewritten
-        if has_own_files and not file.exists():  # files of fill values alone are written too
-            what = f"file {file.name} is missing, which has rows {rows[0]} to {rows[-1]}"
+        if has_own_files and (fault := _fault_of(file)):
+            what = f"file {file.name} {fault}, which has rows {rows[0]} to {rows[-1]}"
             problems.append(_problem(rows[0], path, what))
             continue
         for k, value in _values(array, rows, field):
@@ -52,6 +53,14 @@ def read_block(pieces: PartialStore, block: int) -> tuple[list[Row], list[Proble
             else:
                 out[k][path] = value
     return out, problems
+
+
+def _fault_of(file: Place) -> str:
+    """Return what is wrong with a file; files of fill values alone are written too."""
+    try:
+        return "" if file.exists() else "is missing"
+    except IrregularFileError:
+        return "is a link or no regular file"
 
 
 def trimmed(row: Mapping[str, NDArray[Any]], fields: Mapping[str, Field]) -> Row:
@@ -166,7 +175,7 @@ def behind_problems(pieces: PartialStore, block: int) -> list[Problem]:
             continue
         with contextlib.suppress(StoreError):  # a problem of the rows already
             values = np.array([fixed(value) for value in array.read(rows.stop, stop)])
-            if not is_fill(values, field.fill):
+            if len(values) and not is_fill(values, field.fill):
                 return [_problem(rows[-1], path, "holds something behind the last row")]
     return []
 

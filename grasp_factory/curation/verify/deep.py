@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from grasp_factory.core.platforms import PARTS, meaning
+from grasp_factory.curation import isolation
 from grasp_factory.curation.verify.problems import Problem
-from grasp_factory.errors import GraspFactoryError
+from grasp_factory.errors import GraspFactoryError, StoreError
 from grasp_factory.factory.executors import SendMessage
 
 if TYPE_CHECKING:
@@ -44,6 +45,30 @@ class Simulated:
     problem: Problem | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A row to simulate again."""
+
+    row: int
+    lost: str = ""
+    """How the process has ended that tried it; empty if none has."""
+
+
+def simulate_again(
+    path: Path, rows: Sequence[int], workers: int, report: SendMessage
+) -> list[Simulated]:
+    """Simulate rows of a store again; see ``Simulator``."""
+    if not rows:
+        return []
+    return isolation.isolated(min(workers, len(rows))).run(
+        Simulator(path),
+        [Compared(row) for row in rows],
+        report,
+        lambda job, why: replace(job, lost=why),
+        isolation.patience,
+    )
+
+
 class Simulator:
     """Simulates rows of a store again, and reports the number of each that it has compared."""
 
@@ -53,16 +78,19 @@ class Simulator:
     def __reduce__(self) -> tuple[Any, ...]:
         return Simulator, (self._path,)
 
-    def __call__(self, row: int, report: SendMessage) -> Simulated:
+    def __call__(self, job: Compared, report: SendMessage) -> Simulated:
         """Compare the episode that a row's recipe yields with the stored one.
 
         Different bytes are a problem, unless the row's fingerprint differs from this platform's.
         """
         # Replaying loads the simulator, which the other checks do not need.
-        from grasp_factory.curation.replay import replay  # noqa: PLC0415
+        from grasp_factory.curation.replay import replay_here  # noqa: PLC0415
 
+        row = job.row
         try:
-            result = replay(self._path, row)
+            if job.lost:
+                raise StoreError(isolation.ended(job.lost))
+            result = replay_here(self._path, row)
         except GraspFactoryError as error:
             problem = Problem(episode=row, array="", what=str(error))
             return Simulated(row=row, same=False, problem=problem)

@@ -11,9 +11,19 @@ from typing import Any
 from grasp_factory import __version__
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.json_text import parsed
+from grasp_factory.core.limits import DOCUMENT
+from grasp_factory.core.place import Place, place_of
 from grasp_factory.curation.verify.length import document_rows
 from grasp_factory.curation.verify.problems import Problem
-from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, shown
+from grasp_factory.errors import (
+    ConfigError,
+    IrregularFileError,
+    LimitError,
+    StoreError,
+    StoreMismatchError,
+    shown,
+)
 from grasp_factory.writers.zarr import layout
 from grasp_factory.writers.zarr.header import (
     fields_of,
@@ -30,17 +40,19 @@ COPY_ROOT = (
 )
 
 
-def read_document(file: Path) -> tuple[Any, str]:
+def read_document(file: Place) -> tuple[Any, str]:
     """Return a parsed ``zarr.json``, None if it cannot be parsed, and what is wrong with it."""
-    if file.exists() and not file.is_file():
-        return None, f"{FILE} is no file"
     try:
-        document = json.loads(file.read_bytes())
-    except FileNotFoundError:
+        document = parsed(file.read_bytes(DOCUMENT))
+    except (FileNotFoundError, NotADirectoryError):
         return None, f"{FILE} is missing"
+    except IrregularFileError:
+        return None, f"{FILE} is no file, or in a folder that is a link"
+    except LimitError as error:
+        return None, str(error)
     except OSError as error:
         return None, f"{FILE} cannot be read: {error.strerror}"
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         return None, f"{FILE} is no JSON: {first_line(error)}"
     return document, "" if is_intact(document) else f"{FILE} does not match its seal"
 
@@ -51,8 +63,11 @@ def root_problem(path: Path) -> Problem | None:
     Raises:
         StoreMismatchError: if there is no store, or one of a newer or an older version.
     """
-    document, fault = read_document(path / FILE)
-    first, _ = read_document(path / schema.STATUS.path / FILE)
+    if not path.is_dir():
+        read_attributes(path)  # says what is there
+    store = place_of(path)
+    document, fault = read_document(store / FILE)
+    first, _ = read_document(store / schema.STATUS.path / FILE)
     try:
         attributes = read_attributes(path)
         FactoryConfig.from_plain(attributes["config"])
@@ -70,7 +85,7 @@ def root_problem(path: Path) -> Problem | None:
 
 def has_config(path: Path) -> bool:
     """Return whether a damaged root still has exactly the config that it was made with."""
-    document, _ = read_document(path / FILE)
+    document, _ = read_document(place_of(path) / FILE)
     try:
         attributes = read_attributes(path)
         FactoryConfig.from_plain(attributes["config"])
@@ -80,14 +95,14 @@ def has_config(path: Path) -> bool:
     return bool(hashlib.sha256(text.encode()).hexdigest() == attributes["config_sha256"])
 
 
-def array_documents(path: Path, config: FactoryConfig) -> Iterator[tuple[str, Any, str]]:
+def array_documents(store: Place, config: FactoryConfig) -> Iterator[tuple[str, Any, str]]:
     """Yield path, document and fault of every array that a store of this config has."""
-    attributes = read_attributes(path)
-    fields = fields_of(path, config, attributes)
+    attributes = read_attributes(store.path)
+    fields = fields_of(store.path, config, attributes)
     recorded = schema.digested(fields.values())
     is_ours = attributes["versions"].get("grasp_factory") == __version__
     for name, field in fields.items():
-        document, fault = read_document(path / name / FILE)
+        document, fault = read_document(store / name / FILE)
         if not fault and field == schema.DIGESTS and not recorded_arrays(document):
             fault = f"{FILE} does not list the array of each column"
         if not fault and is_ours and not _is_of(document, field, recorded):
@@ -95,11 +110,11 @@ def array_documents(path: Path, config: FactoryConfig) -> Iterator[tuple[str, An
         yield name, document, fault
 
 
-def group_faults(path: Path, arrays: Iterable[str]) -> Iterator[tuple[str, str]]:
+def group_faults(store: Place, arrays: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield path and fault of each damaged group among those of a store's arrays."""
     parents = {str(parent) for name in arrays for parent in Path(name).parents}
     for name in sorted(parents - {"."}):
-        _, fault = read_document(path / name / FILE)
+        _, fault = read_document(store / name / FILE)
         if fault:
             yield name, fault
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from statistics import median_low
 from typing import Any
 
@@ -13,11 +11,13 @@ import numpy as np
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.limits import CHUNK
+from grasp_factory.core.place import Place
 from grasp_factory.core.schema import Field
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.chunks import unpack, unpack_words
-from grasp_factory.writers.zarr.layout import block_files
+from grasp_factory.writers.zarr.layout import block_files, block_number
 
 _OF_EVERY_ROW = (
     *(schema.STATUS.path, schema.CHECKSUM.path),
@@ -43,14 +43,14 @@ def most_rows(documents: Iterable[Any]) -> int | None:
 
 
 def number_of_rows(
-    path: Path, config: FactoryConfig, fields: Mapping[str, Field], told: int | None
+    store: Place, config: FactoryConfig, fields: Mapping[str, Field], told: int | None
 ) -> int:
-    """Return the number of rows of the store at ``path``: never fewer than its files hold.
+    """Return the number of rows of a store: never fewer than its files hold.
 
     A block exists if most arrays have a file of it.
 
     Args:
-        path: the store's path.
+        store: the store's directory.
         config: the config that it was made from.
         fields: the store's fields, by path.
         told: the number in its metadata; None if that is lost.
@@ -59,48 +59,47 @@ def number_of_rows(
         StoreError: if it cannot be determined.
     """
     of_blocks = [field for field in fields.values() if not field.is_video]
-    files = Counter(block for field in of_blocks for block in _block_numbers(path, field))
+    files = Counter(block for field in of_blocks for block in _block_numbers(store, field))
     believed = [block for block, count in files.items() if 2 * count > len(of_blocks)]
     if told is None and not believed:
         what = "no array's zarr.json tells the number of rows, and there are no files of blocks"
-        raise StoreError(f"{path}: {what}: make the store again with its generate command")
+        raise StoreError(f"{store}: {what}: make the store again with its generate command")
     if not believed:
         return told or 0
     start = max(believed) * config.block_size
     names = [name for name in _OF_EVERY_ROW if name in fields]
-    filled = [_filled(path, fields[name], max(believed), config) for name in names]
+    filled = [_filled(store, fields[name], max(believed), config) for name in names]
     counts = [count for count in filled if count]
     if counts:
         return max(told or 0, start + median_low(counts))  # one of them may be another block's
     if told is None or told <= start:
         what = f"its last block, {max(believed)}, is damaged, so the number of rows cannot be told"
         advice = "copy a zarr.json of any array from a store of the same command, and repair again"
-        raise StoreError(f"{path}: {what}: {advice}")
+        raise StoreError(f"{store}: {what}: {advice}")
     return told
 
 
-def _block_numbers(path: Path, field: Field) -> Iterator[int]:
+def _block_numbers(store: Place, field: Field) -> Iterator[int]:
     """Yield the numbers of the blocks of which a field has a file."""
-    tail = ".0" * len(field.dims)
-    folder = path / field.path
-    for name in os.listdir(folder) if folder.is_dir() else ():
-        number = name.removesuffix(tail)
-        if number.isdecimal() and name == f"{int(number)}{tail}":
-            yield int(number)
+    folder = store / field.path
+    for name in folder.names() if folder.is_dir() else ():
+        number = block_number(name, field)
+        if number is not None:
+            yield number
 
 
-def _filled(path: Path, field: Field, block: int, config: FactoryConfig) -> int | None:
+def _filled(store: Place, field: Field, block: int, config: FactoryConfig) -> int | None:
     """Return how many rows of a block a column fills; None if it cannot be read."""
     size = config.block_size
-    file = block_files(path, field, block, range(0))[0]
+    file = block_files(store, field, block, range(0))[0]
     if not file.is_file():
         return None
     try:
         if field.dtype == "string":
-            there = unpack_words(file.read_bytes(), (size,)) != ""
+            there = unpack_words(file.read_bytes(CHUNK), (size,)) != ""
         else:
             values = np.empty(size, field.dtype)
-            unpack(file.read_bytes(), values)
+            unpack(file.read_bytes(CHUNK), values)
             there = values != field.fill
     except Exception:  # decoders raise many types for damaged bytes
         return None

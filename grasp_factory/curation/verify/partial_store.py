@@ -9,6 +9,7 @@ from typing import Any
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.place import Place
 from grasp_factory.core.schema import Field
 from grasp_factory.curation.verify.documents import array_documents, length_problems
 from grasp_factory.curation.verify.foreign_chunks import is_rewritten
@@ -17,7 +18,8 @@ from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.dataset.row_integrity import digested_paths
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray, stored
-from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store
+from grasp_factory.writers.zarr.budgets import check_arrays
+from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store, place_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +28,7 @@ class PartialStore:
 
     Attributes:
         path: the store's path.
+        place: its directory.
         config: the config that it was made from.
         attributes: the root's attributes.
         rows: number of rows of every array.
@@ -35,6 +38,7 @@ class PartialStore:
     """
 
     path: Path
+    place: Place
     config: FactoryConfig
     attributes: Mapping[str, Any]
     rows: int
@@ -78,7 +82,8 @@ def open_pieces(path: Path) -> tuple[PartialStore, list[Problem]]:
     whole: dict[str, Any] = {}
     known: dict[str, Field] = {}
     rewritten: set[str] = set()
-    found = list(array_documents(path, config))
+    store = place_in(root)
+    found = list(array_documents(store, config))
     for name, document, fault in found:
         known[name] = fields[name]
         if not fault or is_rewritten(document, fields[name], config):
@@ -88,17 +93,20 @@ def open_pieces(path: Path) -> tuple[PartialStore, list[Problem]]:
             problems.append(Problem(episode=None, array=name, what=fault))
     told = most_rows(whole.values())
     told = most_rows(document for _, document, _ in found) if told is None else told
-    rows = number_of_rows(path, config, known, told)
+    rows = number_of_rows(store, config, known, told)
     short = length_problems(whole, rows)
     problems += short
-    arrays = {}
+    opened = {}
     for name in sorted(set(whole) - {problem.array for problem in short}):
         try:
-            arrays[name] = stored(open_array(root, name), path / name)
+            opened[name] = open_array(root, name)
         except StoreError as error:
             problems.append(Problem(episode=None, array=name, what=str(error)))
+    check_arrays(store, config, opened.values())
+    arrays = {name: stored(array) for name, array in opened.items()}
     pieces = PartialStore(
         path=path,
+        place=store,
         config=config,
         attributes=root.attrs.asdict(),
         rows=rows,

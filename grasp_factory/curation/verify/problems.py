@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from grasp_factory.core.text_format import count
+from grasp_factory.curation.signing import FOLDER, SignatureReport
 
 REPAIR = "run grasp-factory repair"
 """Advice for data that can be rebuilt."""
 GENERATE = "run its generate command again, or grasp-factory repair"
 """Advice for rows that are missing."""
+ASK = "get the store from its maker again, or ask for a new signature"
+"""Advice for a store that is not as it was signed."""
 Fault = tuple[str, str]
 """Path of an array of an episode, and what is wrong with it."""
 
@@ -53,3 +59,12 @@ class VerifyReport:
     def is_whole(self) -> bool:
         """True when there is no problem."""
         return not self.problems
+
+    def with_signature(self, found: SignatureReport, key: Path) -> VerifyReport:
+        """Return the report with what the signature by the owner of a key says of the store."""
+        problems = [
+            Problem(episode=None, array=FOLDER, what=what, advice=ASK) for what in found.problems
+        ]
+        note = f"{count(found.files, 'file')} as the owner of {key} signed them"
+        notes = (*self.notes, note) if found.files else self.notes
+        return replace(self, problems=(*self.problems, *problems), notes=notes)

@@ -20,7 +20,7 @@ from grasp_factory.curation.verify.auxiliary_data import (
     unknown_file_notes,
 )
 from grasp_factory.curation.verify.blocks import BlockChecker, Findings
-from grasp_factory.curation.verify.deep import SEEDS, Simulator, draw, new_seed, platform_notes
+from grasp_factory.curation.verify.deep import SEEDS, draw, new_seed, platform_notes, simulate_again
 from grasp_factory.curation.verify.documents import group_faults, has_config, root_problem
 from grasp_factory.curation.verify.foreign_chunks import rewritten_findings
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
@@ -94,8 +94,7 @@ def verify(
     problems += changed
     seed = new_seed() if deep_seed is None else deep_seed
     simulated = draw(_simulable(pieces, found), deep, seed) if deep else ()
-    executor = executor_for(workers, len(simulated), few=1)
-    again = list(executor.run(Simulator(path), simulated, on_episode))
+    again = simulate_again(path, simulated, workers, on_episode)
     problems += [one.problem for one in again if one.problem]
     return VerifyReport(
         path=str(path),
@@ -118,7 +117,7 @@ def verify(
 
 def structure_problems(pieces: PartialStore) -> list[Problem]:
     """Return the problems of groups, and of the store's data other than rows."""
-    groups = group_faults(pieces.path, pieces.fields)
+    groups = group_faults(pieces.place, pieces.fields)
     out = [Problem(episode=None, array=name, what=fault) for name, fault in groups]
     for found in (embedded_problems, label_problems, annotation_problems):
         out += found(pieces)

@@ -10,12 +10,14 @@ from grasp_factory.factory.executors.base import (
     Silence,
     Task,
 )
+from grasp_factory.factory.executors.limited import LimitedExecutor
 from grasp_factory.factory.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
 
 __all__ = [
     "JOBS_PER_PROCESS",
     "Executor",
     "InlineExecutor",
+    "LimitedExecutor",
     "ProcessExecutor",
     "Recover",
     "SendMessage",

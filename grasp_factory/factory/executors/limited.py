@@ -1,0 +1,113 @@
+"""Limits of memory and time for a task that simulates what a store says.
+
+A recipe whose values are all valid may still ask for more than a machine has. The task runs in a
+worker process, so that an abort of the physics engine ends the worker alone.
+"""
+
+from __future__ import annotations
+
+import resource
+import signal
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+from grasp_factory.core.limits import CHUNK, CPU, MEMORY
+from grasp_factory.core.text_format import size_text
+from grasp_factory.errors import LimitError
+from grasp_factory.factory.executors.base import (
+    Executor,
+    J,
+    R,
+    Recover,
+    SendMessage,
+    Silence,
+    Task,
+    forever,
+    give_up,
+)
+from grasp_factory.factory.executors.pool import ProcessExecutor
+
+
+@dataclass(frozen=True, slots=True)
+class LimitedExecutor(Executor):
+    """Runs a task in worker processes with limits."""
+
+    workers: int
+
+    def run(
+        self,
+        task: Task[J, R],
+        jobs: Sequence[J],
+        report: SendMessage,
+        recover: Recover[J] = give_up,
+        silence: Silence = forever,
+    ) -> list[R]:
+        """See ``Executor.run``.
+
+        Raises:
+            LimitError: if a job needs more memory or time than the limits allow.
+        """
+        executor = ProcessExecutor(self.workers)
+        return executor.run(Limited(task), jobs, report, recover, silence)
+
+
+@dataclass(frozen=True, slots=True)
+class Limited:
+    """A task that limits the process it runs in: memory, CPU time of each job, size of files."""
+
+    task: Task[Any, Any]
+
+    def __call__(self, job: Any, report: SendMessage) -> Any:
+        """Do a job.
+
+        Raises:
+            LimitError: if it needs more memory or time.
+        """
+        _limit_process()
+        try:
+            return self.task(job, report)
+        except MemoryError:
+            most = size_text(MEMORY.most)
+            raise LimitError(
+                f"the simulation needs more than {most} of memory; {MEMORY.advice}"
+            ) from None
+        finally:
+            _set(resource.RLIMIT_CPU, resource.RLIM_INFINITY)
+
+
+def _limit_process() -> None:
+    _set(resource.RLIMIT_DATA, _used_memory() + MEMORY.most)
+    _set(resource.RLIMIT_FSIZE, CHUNK.most)
+    _set(resource.RLIMIT_CORE, 0)
+    signal.signal(signal.SIGXCPU, _stop)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    _set(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime) + CPU.most)
+
+
+@cache
+def _used_memory() -> int:
+    """Return the bytes that the process has reserved before its first job.
+
+    Libraries reserve some for each processor core. 0 where the system does not tell.
+    """
+    try:
+        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[5]
+    except OSError:
+        return 0
+    return int(pages) * resource.getpagesize()
+
+
+def _set(which: int, most: int) -> None:
+    """Set a limit, but none that is higher than the process may set."""
+    highest = resource.getrlimit(which)[1]
+    if highest != resource.RLIM_INFINITY and not 0 <= most <= highest:
+        most = highest
+    resource.setrlimit(which, (most, highest))
+
+
+def _stop(number: int, frame: FrameType | None) -> NoReturn:
+    raise LimitError(f"the simulation takes more than {CPU.most} s; {CPU.advice}")
