@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import sys
@@ -28,6 +29,14 @@ from grasp_factory.errors import (
 )
 
 LONGEST_MESSAGE = 1000
+_IN_THE_WAY = {
+    errno.EISDIR,
+    errno.ENOTDIR,
+    errno.EEXIST,
+    errno.ENOTEMPTY,
+    errno.ENAMETOOLONG,
+}
+"""Error numbers of a folder where a file should be, or the other way round, and of such names."""
 
 
 def main() -> NoReturn:
@@ -56,7 +65,7 @@ def main() -> NoReturn:
     except BrokenPipeError:  # the reader of the output is gone
         code = EXIT_FAILURE
     except OSError as error:
-        if error.errno not in MACHINE_ERRNOS:
+        if error.errno not in MACHINE_ERRNOS | _IN_THE_WAY:
             raise
         where = f"{error.filename}: " if error.filename else ""
         code = _print_error(f"{where}{error.strerror}", EXIT_FAILURE)
@@ -96,14 +105,17 @@ def _open_standard_streams() -> None:
 
 @contextlib.contextmanager
 def _warnings_as_lines() -> Iterator[None]:
-    """Print each warning of this package as one line on stderr."""
+    """Print each warning of this package as one line on stderr.
+
+    NumPy's warnings of odd numbers are left out: a store may have any numbers.
+    """
     with warnings.catch_warnings():
         shown = warnings.showwarning
 
         def show(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
             if issubclass(category, GraspFactoryWarning):
                 click.echo(f"Warning: {_in_one_line(str(message))}", err=True)
-            else:
+            elif not issubclass(category, RuntimeWarning):
                 shown(message, category, *where, **more)
 
         warnings.simplefilter("always", GraspFactoryWarning)

@@ -13,6 +13,7 @@ import click
 
 from grasp_factory.cli.options import dataset_options
 from grasp_factory.cli.params import Command, json_option, option
+from grasp_factory.cli.printing import say
 from grasp_factory.cli.request import request_from
 from grasp_factory.errors import EXIT_INTERRUPTED, EXIT_TERMINATED, Terminated
 
@@ -119,10 +120,10 @@ def flywheel(
         )
     except KeyboardInterrupt as why:
         note = f"Stopped: finished episodes stay in {out}; run the same command again to continue."
-        click.echo(note, err=True)
+        say(note, err=True)
         sys.exit(EXIT_TERMINATED if isinstance(why, Terminated) else EXIT_INTERRUPTED)
     if as_json:
-        click.echo((out / FILE).read_text(encoding="utf-8"), nl=False)
+        say((out / FILE).read_text(encoding="utf-8"), end="")
     else:
-        click.echo(flywheel_text(found))
-        click.echo(f"\nflywheel.json and flywheel.png are in {out}")
+        say(flywheel_text(found))
+        say(f"\nflywheel.json and flywheel.png are in {out}")

@@ -32,13 +32,13 @@ class Counter:
 
 
 @contextlib.contextmanager
-def counted(each: str) -> Iterator[dict[str, Callable[..., None]]]:
-    """Yield the hooks ``on_start`` and ``each`` of a loop over rows; they show a bar."""
+def counted(each: str, unit: str = "episode") -> Iterator[dict[str, Callable[..., None]]]:
+    """Yield the hooks ``on_start`` and ``each`` of a loop; they show a bar."""
     with contextlib.ExitStack() as stack:
         counters: list[Counter] = []
 
-        def start(rows: int) -> None:
-            counters.append(stack.enter_context(Counter(rows, "episode")))
+        def start(total: int) -> None:
+            counters.append(stack.enter_context(Counter(total, unit)))
 
         def count(*_: int) -> None:
             counters[-1].count()

@@ -15,6 +15,7 @@ from pathlib import Path
 import click
 
 from grasp_factory.cli.params import Command, option
+from grasp_factory.cli.printing import say
 from grasp_factory.errors import Terminated
 
 
@@ -53,7 +54,7 @@ from grasp_factory.errors import Terminated
     "--index",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Index file.  [default: beside the store]",
+    help="Index file.  [default: in the cache]",
 )
 @option("--read-only", is_flag=True, help="Do not allow tags or other changes.")
 def browse(
@@ -92,8 +93,8 @@ def browse(
         if not is_loopback(host):
             what = f"everybody who can connect to {host} can see the data"
             more = "" if read_only else "; everybody with the link can add tags"
-            click.echo(f"Warning: {what}{more}", err=True)
-        click.echo(url)
+            say(f"Warning: {what}{more}", err=True)
+        say(url)
         sys.stdout.flush()
         threading.Thread(target=thumbnails.prune, daemon=True).start()
         if not no_open and _has_screen():

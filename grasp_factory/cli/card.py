@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.printing import print_json, say
 
 
 @click.command(
@@ -62,11 +63,11 @@ def card(path: Path, *, out: Path | None, force: bool, as_json: bool, **said: st
     if as_json:
         print_json(result)
         return
-    click.echo("\n".join(str(Path(result.path, name)) for name in result.files))
+    say("\n".join(str(Path(result.path, name)) for name in result.files))
     if result.missing:
-        click.echo(
+        say(
             f"{result.missing} episodes of {path} are missing: run `grasp-factory generate`, then"
             " write the card again"
         )
     if result.licence == "unknown":
-        click.echo("the licence is unknown: set it with --license")
+        say("the licence is unknown: set it with --license")

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.text_format import table
 from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE
@@ -35,11 +36,11 @@ def check_physics(short: bool, as_json: bool) -> None:
     from grasp_factory.apps.physics_check import FULL, SHORT
     from grasp_factory.apps.physics_check import check_physics as run
 
-    figures = list(run(SHORT if short else FULL, lambda part: click.echo(f"{part} ...", err=True)))
+    figures = list(run(SHORT if short else FULL, lambda part: say(f"{part} ...", err=True)))
     if as_json:
         print_json([to_plain(f) | {"passes": f.passes, "bound": f.bound} for f in figures])
     else:
-        click.echo(figures_text(figures))
+        say(figures_text(figures))
     sys.exit(EXIT_DONE if all(f.passes for f in figures) else EXIT_FAILURE)
 
 

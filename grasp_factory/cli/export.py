@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import chosen_rows, row_options
 from grasp_factory.core.config.yaml_loader import parse_yaml
 from grasp_factory.core.serialization import to_plain
@@ -77,7 +78,7 @@ def export(
     if as_json:
         print_json(to_plain(found) | {"path": str(found.path)})
     else:
-        click.echo(_exported_text(found))
+        say(_exported_text(found))
 
 
 def _settings(assignments: tuple[str, ...]) -> dict[str, Any]:
@@ -94,7 +95,7 @@ def _print_formats(formats: dict[str, str], *, as_json: bool) -> None:
     if as_json:
         print_json(formats)
     else:
-        click.echo(table(formats.items()) if formats else "This version has no export formats.")
+        say(table(formats.items()) if formats else "This version has no export formats.")
 
 
 def _exported_text(found: Exported) -> str:

@@ -16,7 +16,8 @@ from grasp_factory.cli.options import (
     live_options,
     run_options,
 )
-from grasp_factory.cli.params import Command, json_option, option, print_json
+from grasp_factory.cli.params import Command, json_option, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.request import request_from
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import EXIT_INTERRUPTED, EXIT_TERMINATED, FailuresError, Terminated
@@ -67,7 +68,7 @@ def generate(
         from grasp_factory.factory.name_check import check_names
 
         check_names(request.config)
-        click.echo(request.to_yaml(), nl=False)
+        say(request.to_yaml(), end="")
         return
     if dry_run:
         from grasp_factory.cli.run_progress import forecast
@@ -77,7 +78,7 @@ def generate(
         if as_json:
             print_json(to_plain(found) | {"fits": found.fits})
         else:
-            click.echo(forecast_text(found))
+            say(forecast_text(found))
         return
     try:
         from grasp_factory.cli.run_progress import live_view, make
@@ -91,7 +92,7 @@ def generate(
     elif not quiet:
         from grasp_factory.cli.run_report import summary_text
 
-        click.echo(summary_text(summary))
+        say(summary_text(summary))
     if summary.failed:
         raise FailuresError(
             f"{len(summary.quarantined)} of {summary.asked} episodes are quarantined, more than"
@@ -102,5 +103,5 @@ def generate(
 def _stopped(request: Request, why: KeyboardInterrupt) -> NoReturn:
     from grasp_factory.cli.run_progress import stopped_text
 
-    click.echo(stopped_text(request.out), err=True)
+    say(stopped_text(request.out), err=True)
     sys.exit(EXIT_TERMINATED if isinstance(why, Terminated) else EXIT_INTERRUPTED)

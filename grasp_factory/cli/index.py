@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.errors import UsageError
 
 
 @click.command(
@@ -27,7 +27,7 @@ from grasp_factory.errors import UsageError
     "--out",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Index file; required for several stores.  [default: PATH.index.sqlite]",
+    help="Index file.  [default: in the cache]",
 )
 @AS_JSON
 def index(paths: tuple[Path, ...], out: Path | None, as_json: bool) -> None:
@@ -40,15 +40,13 @@ def index(paths: tuple[Path, ...], out: Path | None, as_json: bool) -> None:
     from grasp_factory.core.text_format import count, size_text
     from grasp_factory.dataset.index import build, default_path
 
-    if out is None and len(paths) > 1:
-        raise UsageError("an index of several stores needs --out FILE")
     with counted("on_row") as hooks:
-        built = build(paths, out or default_path(paths[0]), **hooks)
+        built = build(paths, out or default_path(paths), **hooks)
     if as_json:
         stores = [str(store) for store in built.stores]
         print_json({**to_plain(built), "path": str(built.path), "stores": stores})
         return
-    click.echo(
+    say(
         f"{built.path}: {count(built.rows, 'row')} of {count(len(built.stores), 'store')} in"
         f" {built.seconds:.1f} s, {size_text(built.bytes)}"
     )

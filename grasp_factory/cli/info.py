@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
 
 
@@ -34,6 +35,6 @@ def info(path: Path, as_json: bool) -> None:
         more = {"attributes": dict(dataset.attributes), "arrays": arrays}
         print_json(to_plain(store) | more)
         return
-    click.echo(store_text(store, GROUPS))
-    click.echo("\n" + arrays_text(arrays))
-    click.echo("\n" + origin_text(dataset.attributes))
+    say(store_text(store, GROUPS))
+    say("\n" + arrays_text(arrays))
+    say("\n" + origin_text(dataset.attributes))

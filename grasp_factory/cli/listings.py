@@ -10,7 +10,8 @@ from typing import Protocol
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.text_format import table
 from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE
@@ -61,7 +62,7 @@ def objects(ctx: click.Context, folder: Path | None, robot: str, as_json: bool) 
     if as_json:
         print_json(report)
     else:
-        click.echo(import_report_text(report))
+        say(import_report_text(report))
     ctx.exit(EXIT_DONE if report.usable else EXIT_FAILURE)
 
 
@@ -129,4 +130,4 @@ def _print_table(rows: Mapping[str, TableRow], *, as_json: bool) -> None:
     if as_json:
         print_json(described)
     else:
-        click.echo(table(described.items()))
+        say(table(described.items()))

@@ -6,6 +6,7 @@ command that needs them, so that ``--help`` is fast and works without PyBullet.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 
 import click
@@ -28,9 +29,11 @@ from grasp_factory.cli.relabel import relabel
 from grasp_factory.cli.repair import repair
 from grasp_factory.cli.replay import replay
 from grasp_factory.cli.rerun import rerun_
+from grasp_factory.cli.sign import sign
 from grasp_factory.cli.tag import tag, tags
 from grasp_factory.cli.train import learning_curve, train
 from grasp_factory.cli.verify import verify
+from grasp_factory.core import limits
 
 COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     "Make a dataset": (
@@ -45,7 +48,7 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     ),
     "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),
     "Search and annotate episodes": (index, query, tag, tags),
-    "Check, change and export a dataset": (verify, repair, relabel, merge, split, export),
+    "Check, change and export a dataset": (verify, repair, sign, relabel, merge, split, export),
     "Train on a dataset": (train, learning_curve, flywheel),
 }
 """Heading in the help to subcommands."""
@@ -58,9 +61,20 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 @click.version_option(__version__, prog_name="grasp-factory")
+@click.option(
+    "--limit",
+    "raised",
+    metavar="NAME=SIZE",
+    multiple=True,
+    help="Raise a limit of what is read from a store, such as chunk=4GiB.  [repeatable]",
+)
 @click.pass_context
-def cli(ctx: click.Context) -> None:
+def cli(ctx: click.Context, *, raised: tuple[str, ...]) -> None:
     """Make datasets of simulated robot grasps, check them, view them and train on them."""
+    if raised:
+        limits.parse(",".join(raised))
+        already = os.environ.get(limits.VARIABLE, "")
+        os.environ[limits.VARIABLE] = ",".join([already, *raised])  # worker processes read it too
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
 

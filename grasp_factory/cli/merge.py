@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import chosen_rows, row_options
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.errors import UsageError
@@ -87,12 +88,12 @@ def _print(result: Collected, as_json: bool) -> None:
     if as_json:
         print_json(result)
     else:
-        click.echo(_text(result))
+        say(_text(result))
 
 
 def _text(result: Collected) -> str:
     from grasp_factory.cli.store_report import sources_lines
-    from grasp_factory.core.text_format import count
+    from grasp_factory.core.text_format import count, joined_lines
 
     head = f"{result.path}: {count(result.committed, 'episode')}, all read back and compared"
     if result.repeated:
@@ -109,4 +110,4 @@ def _text(result: Collected) -> str:
     lines += [f"labels/{n} was not copied: {why}" for n, why in result.labels_left_out.items()]
     if result.annotations:
         lines.append(f"annotations of {count(result.annotations, 'episode')} were copied")
-    return "\n".join([*lines, *(f"warning: {warning}" for warning in result.warnings)])
+    return joined_lines([*lines, *(f"warning: {warning}" for warning in result.warnings)])

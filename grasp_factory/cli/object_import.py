@@ -8,15 +8,15 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-import click
-
-from grasp_factory.core.text_format import escaped
+from grasp_factory.cli.printing import say, show_status
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.objects.importing import FolderReport, import_folder
 from grasp_factory.robots import ROBOTS
 
 WARNINGS = 10
+_LONGEST_STEM = 48
+"""Bytes of the folder's name in the name of its set."""
 """Objects whose warnings are printed before a run; `grasp-factory objects` prints all."""
 
 
@@ -45,13 +45,13 @@ def import_usable(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderRe
     """
     report = import_for(path, robot, taken)
     for refusal in report.refused:
-        click.echo(f"{path}: {escaped(refusal.file)} is skipped: {refusal.reason}", err=True)
+        say(f"{path}: {refusal.file} is skipped: {refusal.reason}", err=True)
     warned = [(item.file, "; ".join(item.warnings)) for item in report.usable if item.warnings]
     for file, warning in warned[:WARNINGS]:
-        click.echo(f"{path}: {escaped(file)}: {warning}", err=True)
+        say(f"{path}: {file}: {warning}", err=True)
     if len(warned) > WARNINGS:
         more = f"{len(warned) - WARNINGS} more warnings; see `grasp-factory objects {path}`"
-        click.echo(f"{path}: {more}", err=True)
+        say(f"{path}: {more}", err=True)
     if not report.usable:
         raise UsageError(f"{path}: no usable object; see `grasp-factory objects {path}`")
     return report
@@ -60,6 +60,7 @@ def import_usable(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderRe
 def _set_name(path: Path, taken: Iterable[str]) -> str:
     """Return a valid set name that is not taken yet, made from the folder's name."""
     name = re.sub(r"\W", "_", Path(os.path.realpath(path)).name) or "objects"
+    name = name.encode()[:_LONGEST_STEM].decode(errors="ignore")
     if name[0].isdigit():
         name = f"_{name}"
     used = {*OBJECT_SETS, *taken}
@@ -69,5 +70,5 @@ def _set_name(path: Path, taken: Iterable[str]) -> str:
 
 
 def _progress(done: int, total: int, file: str) -> None:
-    text = f"importing {done + 1} of {total}: {escaped(file)[:60]}" if file else ""
-    click.echo(f"\r\033[K{text}", err=True, nl=False)
+    text = f"importing {done + 1} of {total}: {file[:60]}" if file else ""
+    show_status(text)

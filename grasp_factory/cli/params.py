@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any, TypeVar
 
 import click
 
-from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import ConfigError, lookup, shown
 from grasp_factory.factory.run_request import parse_size
 
@@ -139,8 +137,3 @@ def weighted(text: str) -> tuple[str, float]:
     except ValueError:
         what = f"got {shown(text)}, valid: NAME or NAME:WEIGHT, such as top_down:2"
         raise click.BadParameter(what) from None
-
-
-def print_json(record: Any) -> None:
-    """Print a record as JSON."""
-    click.echo(json.dumps(to_plain(record), indent=2))

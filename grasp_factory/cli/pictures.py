@@ -11,6 +11,7 @@ import click
 
 from grasp_factory.cli.options import dataset_options
 from grasp_factory.cli.params import STORE, Command, option, resolution
+from grasp_factory.cli.printing import say
 from grasp_factory.cli.request import request_from
 from grasp_factory.cli.row_choice import list_options, listed_rows
 from grasp_factory.errors import UsageError
@@ -78,7 +79,7 @@ def sheet(
     else:
         image = sheet_of(dataset, wanted, shown, n)
     write_png(out, image)
-    click.echo(out)
+    say(out)
 
 
 @click.command(
@@ -115,7 +116,7 @@ def plot(path: Path, episode: int, out: Path | None, camera: str | None, size: s
     width, height = resolution(size)
     image = plot_episode(Dataset.open(path), episode, camera, (width, height))
     write_png(out, image)
-    click.echo(out)
+    say(out)
 
 
 @click.command(
@@ -152,4 +153,4 @@ def preview(out: Path, n: int, **options: Any) -> None:
     with Counter(n, "scene") as counter:
         image = draw_preview(config, n, counter.count)
     write_png(out, image)
-    click.echo(out)
+    say(out)

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -14,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.cli.params import Command, json_option, option, print_json
+from grasp_factory.cli.params import Command, json_option, option
+from grasp_factory.cli.printing import print_json, say, say_lines
 from grasp_factory.errors import UsageError, lookup
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ _output = partial(option, heading="Output")
     "place",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Index file.  [default: beside the store, or in the cache for several stores]",
+    help="Index file.  [default: in the cache]",
 )
 @_output("--columns", metavar="A,B,...", help="Columns to print.")
 @json_option("Output")
@@ -102,7 +102,7 @@ def query(
     from grasp_factory.dataset.index import Query, fresh
 
     if "help" in where:
-        click.echo(_help())
+        say(_help())
         return
     if as_json + as_csv + ids + only_count > 1:
         raise UsageError("--json, --csv, --ids and --count: got several, valid: one of them")
@@ -112,7 +112,7 @@ def query(
         found = fresh(paths, place, **hooks)
     with found:
         if only_count:
-            click.echo(found.count(asked))
+            say(found.count(asked))
         elif ids:
             _print_ids(found, asked, offset, limit)
         elif as_json:
@@ -172,7 +172,7 @@ def _print_ids(found: Index, asked: Query, offset: int, limit: int | None) -> No
     paths = {store.id: store.path for store in stores}
     chosen = found.ids(asked)[offset : None if limit is None else offset + limit]
     lines = selection_lines(((paths[store], row) for store, row in chosen), named=len(stores) > 1)
-    sys.stdout.writelines(f"{line}\n" for line in lines)
+    say_lines(lines)
 
 
 def _print_json(
@@ -186,12 +186,13 @@ def _print_json(
 def _print_csv(
     found: Index, asked: Query, offset: int, limit: int | None, names: Sequence[str] | None
 ) -> None:
+    from grasp_factory.core.csv_text import CsvWriter
     from grasp_factory.dataset.index import COLUMNS
 
     chosen = names or [column.name for column in COLUMNS]
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(chosen)
-    _rows(found, asked, offset, limit, lambda row: writer.writerow(_cells(row, chosen)))
+    writer = CsvWriter(sys.stdout)
+    writer.row(chosen)
+    _rows(found, asked, offset, limit, lambda row: writer.row(_cells(row, chosen)))
 
 
 def _cells(row: dict[str, Any], names: Sequence[str]) -> list[Any]:
@@ -227,12 +228,12 @@ def _print_table(
     right = [k for k, name in enumerate(chosen) if kinds[name] in numbers]
     head = f"{count(total, 'episode')}"
     if several:
-        click.echo("\n".join(f"store {s.id}: {s.path}" for s in found.stores), err=True)
+        say("\n".join(f"store {s.id}: {s.path}" for s in found.stores), err=True)
     if lines:
-        click.echo(table([chosen, *lines], right))
+        say(table([chosen, *lines], right))
         if len(lines) < total:
             head += f", {len(lines)} shown"
-    click.echo(head, err=True)
+    say(head, err=True)
 
 
 def _kinds() -> dict[str, str]:

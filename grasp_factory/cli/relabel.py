@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.serialization import from_plain, to_plain
 
@@ -59,7 +60,7 @@ def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) ->
     if as_json:
         print_json(result)
     else:
-        click.echo(_text(result))
+        say(_text(result))
 
 
 def _text(result: Relabelled) -> str:

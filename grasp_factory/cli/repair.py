@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.verify import MOST_LINES, WORKERS, change_lines, first_lines
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.core.text_format import count
+from grasp_factory.core.text_format import count, joined_lines
 
 if TYPE_CHECKING:
     from grasp_factory.curation.repair import RepairReport
@@ -53,7 +54,7 @@ def repair(
         remade = [to_plain(made) | {"is_same": made.is_same} for made in result.remade]
         print_json(to_plain(result) | {"remade": remade} | more)
     else:
-        click.echo(_repair_text(result))
+        say(_repair_text(result))
     ctx.exit(0 if result.is_whole else 1)
 
 
@@ -77,6 +78,6 @@ def _repair_text(result: RepairReport) -> str:
         lines += change_lines(result.before.changed)
     lines += [f"failed: {failure}" for failure in result.failed]
     if result.is_whole:
-        return "\n".join([*lines, "no problems left"])
+        return joined_lines([*lines, "no problems left"])
     left = count(len(result.after.problems), "problem")
-    return "\n".join([*lines, f"{left} left:", *first_lines(result.after.problems)])
+    return joined_lines([*lines, f"{left} left:", *first_lines(result.after.problems)])

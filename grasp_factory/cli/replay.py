@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json, resolution
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, resolution
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE, UsageError, shown
 
@@ -119,9 +120,9 @@ def replay(
         facts = to_plain(result) | {"platform": result.platform}
         print_json(facts | ({} if made is None else {"video": to_plain(made)}))
     else:
-        click.echo(replay_text(result))
+        say(replay_text(result))
         if made is not None:
-            click.echo(made.path)
+            say(made.path)
     ctx.exit(EXIT_DONE if result.same else EXIT_FAILURE)
 
 

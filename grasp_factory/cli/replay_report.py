@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from grasp_factory.core.text_format import percent, table
+from grasp_factory.core.text_format import escaped, joined_lines, percent, table
 from grasp_factory.curation.episode_distance import EpisodeDistance, ImageDistance, PoseDistance
 
 if TYPE_CHECKING:
@@ -21,13 +21,15 @@ def replay_text(result: Replay) -> str:
         if result.recorded != result.replayed:
             lines.append(f"outcome: recorded {result.recorded}, replayed {result.replayed}")
         lines.append(f"first difference: {result.difference or 'the reason of the quarantine'}")
+    parts = [joined_lines(lines)]
     if result.distance is not None:
-        lines.append(_distance_table(result.distance))
+        parts.append(_distance_table(result.distance))
     if result.platform:
-        lines.append(f"platform: {result.platform}")
+        parts.append(escaped(f"platform: {result.platform}"))
     if result.changed:
-        lines += ["changed since the recording:", *(f"  {change}" for change in result.changed)]
-    return "\n".join(lines)
+        changes = (f"  {change}" for change in result.changed)
+        parts.append(joined_lines(["changed since the recording:", *changes]))
+    return "\n".join(parts)
 
 
 def _distance_table(found: EpisodeDistance) -> str:

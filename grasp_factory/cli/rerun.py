@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from grasp_factory.cli.params import STORE, Command, option
+from grasp_factory.cli.printing import say
 
 
 @click.command(
@@ -48,6 +49,6 @@ def rerun_(path: Path, index: int, out: Path | None, opened: bool) -> None:
     index = check_index(dataset, index)
     out = out or default_file(path, index)
     write_recording(dataset, index, out)
-    click.echo(out)
+    say(out)
     if opened:
         open_viewer(out)

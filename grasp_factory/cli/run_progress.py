@@ -8,12 +8,12 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
 from tqdm import tqdm  # type: ignore[import-untyped]
 
 from grasp_factory.cli.bars import Counter
+from grasp_factory.cli.printing import say
 from grasp_factory.cli.run_report import plan_text
-from grasp_factory.core.text_format import percent
+from grasp_factory.core.text_format import escaped, percent
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.factory import dry_run
@@ -62,14 +62,14 @@ class RunProgress:
         """Print the plan."""
         if self._quiet:
             return
-        click.echo(plan_text(plan), err=True)
+        say(plan_text(plan), err=True)
         if plan.blocks and sys.stderr.isatty():
             self._bar = tqdm(total=plan.to_make, bar_format=_BAR, unit="ep", dynamic_ncols=True)
 
     def episode(self, made: Made) -> None:
         """Count an episode; print the reason of a quarantine."""
         if made.outcome == "quarantined" and not self._quiet:
-            tqdm.write(f"episode {made.index} is quarantined: {made.reason}", file=sys.stderr)
+            _write(f"episode {made.index} is quarantined: {made.reason}")
         self._made += made.outcome != "quarantined"
         self._successes += made.outcome == "success"
         if self._bar is not None:
@@ -80,7 +80,7 @@ class RunProgress:
     def loss(self, text: str) -> None:
         """Print that a worker was lost."""
         if not self._quiet:
-            tqdm.write(text, file=sys.stderr)
+            _write(text)
 
     def __enter__(self) -> RunProgress:
         return self
@@ -140,7 +140,8 @@ def live_view(port: int | None, *, quiet: bool) -> LiveView:
 
 
 def _write(text: str) -> None:
-    tqdm.write(text, file=sys.stderr)
+    """Print a line above the bar."""
+    tqdm.write(escaped(text), file=sys.stderr)
 
 
 def forecast(request: Request) -> dry_run.Forecast:

@@ -5,7 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from grasp_factory.cli.store_report import store_text
-from grasp_factory.core.text_format import count, duration_text, percent, size_text, table
+from grasp_factory.core.text_format import (
+    count,
+    duration_text,
+    joined_lines,
+    percent,
+    size_text,
+    table,
+)
 from grasp_factory.factory.run_request import WHOLE
 
 if TYPE_CHECKING:
@@ -46,7 +53,9 @@ def summary_text(summary: Summary) -> str:
     if summary.quarantined:
         named = [f"episode {i} is quarantined: {why}" for i, why in summary.quarantined.items()]
         rest = len(named) - MOST_NAMED
-        text.append("\n".join([*named[:MOST_NAMED], *([f"and {rest} more"] if rest > 0 else [])]))
+        text.append(
+            joined_lines([*named[:MOST_NAMED], *([f"and {rest} more"] if rest > 0 else [])])
+        )
     return "\n\n".join(text)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of
-from grasp_factory.core.text_format import bar, count, percent, size_text, table
+from grasp_factory.core.text_format import bar, count, joined_lines, percent, size_text, table
 from grasp_factory.curation.merge.provenance import SeedSource, stored_sources
 from grasp_factory.dataset.summary import StoreSummary, Tally
 from grasp_factory.writers.zarr.header import SOURCES
@@ -56,7 +56,7 @@ def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
         "split": _tally_table("split", store.splits),
         "tag": _tag_table(store.tags),
     }
-    return "\n\n".join(["\n".join(head), *(tables[g] for g in groups if tables[g])])
+    return "\n\n".join([joined_lines(head), *(tables[g] for g in groups if tables[g])])
 
 
 def arrays_text(facts: Iterable[Mapping[str, Any]]) -> str:

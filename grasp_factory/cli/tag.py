@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import list_options, listed_rows
 from grasp_factory.errors import UsageError, shown
 
@@ -93,7 +94,7 @@ def tag(
     if as_json:
         print_json([{"row": row, "annotation": said} for row, said in found.items()])
     else:
-        click.echo(f"{path}: {count(len(found), 'episode')} annotated by {person}")
+        say(f"{path}: {count(len(found), 'episode')} annotated by {person}")
 
 
 @click.command(
@@ -137,14 +138,14 @@ def tags(
     if as_json:
         print_json(changes if history else said)
     elif as_csv:
-        click.echo(changes_csv(changes) if history else annotations_csv(said), nl=False)
+        say(changes_csv(changes) if history else annotations_csv(said), end="")
     else:
         nothing = "no annotations; `grasp-factory tag` adds them"
         if chosen is not None and log.annotations():
             nothing = "no annotations of these episodes"
-        click.echo((_history_text(changes) if history else _text(said)) or nothing)
+        say((_history_text(changes) if history else _text(said)) or nothing)
     for line, fault in log.damaged():
-        click.echo(f"warning: annotations/log.jsonl, line {line} {fault}", err=True)
+        say(f"warning: annotations/log.jsonl, line {line} {fault}", err=True)
 
 
 def _is_in(chosen: set[int] | None, row: int) -> bool:

@@ -11,7 +11,8 @@ from typing import Any, TextIO
 
 import click
 
-from grasp_factory.cli.params import STORE, Command, json_option, option, options, print_json
+from grasp_factory.cli.params import STORE, Command, json_option, option, options
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import IDS
 from grasp_factory.errors import UsageError, shown
 
@@ -120,8 +121,8 @@ def train(
     if as_json:
         print_json(report)
         return
-    click.echo(training_report_text(report))
-    click.echo(f"the weights, report.json, roc.png and calibration.png are in {out}")
+    say(training_report_text(report))
+    say(f"the weights, report.json, roc.png and calibration.png are in {out}")
 
 
 @click.command(
@@ -207,8 +208,8 @@ def learning_curve(
     if as_json:
         print_json(report)
         return
-    click.echo(curve_text(curve))
-    click.echo(f"learning-curve.json and learning-curve.png are in {out}")
+    say(curve_text(curve))
+    say(f"learning-curve.json and learning-curve.png are in {out}")
 
 
 def _selection(ids: TextIO | None, path: Path) -> tuple[int, ...] | None:

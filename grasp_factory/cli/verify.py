@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option, print_json
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.core.text_format import count
+from grasp_factory.core.text_format import count, joined_lines
 
 if TYPE_CHECKING:
     from grasp_factory.curation.verify import VerifyReport
@@ -34,6 +35,7 @@ WORKERS = option(
     examples=(
         "grasp-factory verify grasps.zarr",
         "grasp-factory verify grasps.zarr --deep 20 --deep-seed 0",
+        "grasp-factory verify grasps.zarr --signed-by id_ed25519.pub",
         "grasp-factory verify grasps.zarr --workers 4 --json",
     ),
 )
@@ -52,6 +54,12 @@ WORKERS = option(
     type=int,
     help="Seed of the choice of these episodes.  [default: a new one each time]",
 )
+@option(
+    "--signed-by",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Also check that the owner of this public SSH key has signed every file.",
+)
 @WORKERS
 @AS_JSON
 @click.pass_context
@@ -61,6 +69,7 @@ def verify(
     *,
     deep: int,
     deep_seed: int | None,
+    signed_by: Path | None,
     workers: int,
     as_json: bool,
 ) -> None:
@@ -71,14 +80,18 @@ def verify(
     it has listed all problems.
     """
     from grasp_factory.cli.bars import counted
+    from grasp_factory.curation.signing import check_signature
     from grasp_factory.curation.verify import verify as run
 
     with counted("on_episode") as hooks:
         report = run(path, deep, workers, deep_seed=deep_seed, **hooks)
+    if signed_by is not None:
+        with counted("on_file", "file") as hooks:
+            report = report.with_signature(check_signature(path, signed_by, **hooks), signed_by)
     if as_json:
         print_json(to_plain(report) | {"is_whole": report.is_whole})
     else:
-        click.echo(_verify_text(report))
+        say(_verify_text(report))
     ctx.exit(0 if report.is_whole else 1)
 
 
@@ -94,9 +107,9 @@ def _verify_text(found: VerifyReport) -> str:
         lines += change_lines(found.changed)
     lines += [f"note: {note}" for note in found.notes]
     if found.is_whole:
-        return "\n".join([*lines, "no problems found"])
+        return joined_lines([*lines, "no problems found"])
     lines.append(f"{count(len(found.problems), 'problem')}:")
-    return "\n".join([*lines, *first_lines(found.problems)])
+    return joined_lines([*lines, *first_lines(found.problems)])
 
 
 def change_lines(changes: Iterable[str]) -> list[str]:

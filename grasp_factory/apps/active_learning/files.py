@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 from grasp_factory.core.atomic_file import write_atomic
+from grasp_factory.core.limits import EMBEDDED
 from grasp_factory.core.os_errors import MACHINE_ERRNOS
-from grasp_factory.errors import StoreError, UsageError
+from grasp_factory.core.place import place_at
+from grasp_factory.errors import RefusedFileError, StoreError, UsageError
 
 
 def make_folder(path: Path) -> None:
@@ -26,13 +30,18 @@ def read(file: Path) -> bytes | None:
     """Return the content of a file, or None if it does not exist.
 
     Raises:
-        UsageError: if the path is not a file.
+        UsageError: if the path is not a file, or the file is too large.
         StoreError: if the disk or its permissions prevent it.
     """
     try:
-        return file.read_bytes()
+        place = place_at(file.resolve())
+        if place.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        return place.read_bytes(EMBEDDED)
     except FileNotFoundError:
         return None
+    except RefusedFileError as error:
+        raise UsageError(f"{error}; choose another folder") from None
     except OSError as error:
         raise _error(file, "cannot be read", error) from None
 

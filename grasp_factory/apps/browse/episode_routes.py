@@ -5,7 +5,13 @@ from __future__ import annotations
 from flask import Blueprint, Response, abort, request
 
 from grasp_factory.apps.browse import facts
-from grasp_factory.apps.browse.image_files import KINDS, picture, thumbnail, video_frame
+from grasp_factory.apps.browse.image_files import (
+    KINDS,
+    THUMB_WIDTH,
+    picture,
+    thumbnail,
+    video_frame,
+)
 from grasp_factory.apps.browse.numbers import json_bytes
 from grasp_factory.apps.browse.open_stores import OpenStore
 from grasp_factory.apps.browse.points import cloud_bytes
@@ -30,53 +36,53 @@ def routes(site: Site) -> Blueprint:
 
     @pages.get("/api/series/<n:store>/<n:row>")
     def series(store: int, row: int) -> Response:
-        opened, checksum = site.episode(store, row)
+        opened, version = site.episode(store, row)
         make = lambda: json_bytes(episode_series(opened, row))  # noqa: E731
-        return cached_answer(checksum, "application/json", make)
+        return cached_answer(version, "application/json", make)
 
     @pages.get("/api/tactile/<n:store>/<n:row>")
     def touch(store: int, row: int) -> Response:
-        opened, checksum = site.episode(store, row)
-        return cached_answer(checksum, BYTES, lambda: tactile(opened, row))
+        opened, version = site.episode(store, row)
+        return cached_answer(version, BYTES, lambda: tactile(opened, row))
 
     @pages.get("/image/<n:store>/<n:row>/<camera>/<kind>/<n:frame>.png")
     def image(store: int, row: int, camera: str, kind: str, frame: int) -> Response:
-        opened, checksum = site.episode(store, row)
+        opened, version = site.episode(store, row)
         _check_camera(opened, camera)
         if kind not in KINDS or frame > 1:
             abort(404, f"there is no such image; kinds: {', '.join(KINDS)}; frames: 0 and 1")
         return cached_answer(
-            checksum, "image/png", lambda: picture(opened.dataset, row, camera, kind, frame)
+            version, "image/png", lambda: picture(opened.dataset, row, camera, kind, frame)
         )
 
     @pages.get("/video/<n:store>/<n:row>/<camera>/<n:frame>.jpg")
     def video(store: int, row: int, camera: str, frame: int) -> Response:
-        opened, checksum = site.episode(store, row)
+        opened, version = site.episode(store, row)
         _check_camera(opened, camera)
         films = opened.arrays.get(f"videos/{camera}/rgb")
         if films is None or frame >= int(opened.dataset.value(row, "n_video")):
             abort(404, "there is no such frame")
         return cached_answer(
-            checksum, "image/jpeg", lambda: video_frame(read_array(films, row, frame))
+            version, "image/jpeg", lambda: video_frame(read_array(films, row, frame))
         )
 
     @pages.get("/thumb/<n:store>/<n:row>.jpg")
     def thumb(store: int, row: int) -> Response:
-        opened, checksum = site.episode(store, row)
+        opened, version = site.episode(store, row)
         camera = _asked_camera(opened) or next(iter(opened.dataset.config.cameras))
         frame = integer("frame", 0, 1)
-        key = f"{checksum} {frame} {camera}"
+        key = f"{version} {row} {frame} {camera} {THUMB_WIDTH}"
         make = lambda: thumbnail(opened.dataset, row, camera, frame)  # noqa: E731
-        return cached_answer(checksum, "image/jpeg", lambda: site.thumbnails.get(key, make))
+        return cached_answer(version, "image/jpeg", lambda: site.thumbnails.get(key, make))
 
     @pages.get("/cloud/<n:store>/<n:row>/<n:frame>")
     def cloud(store: int, row: int, frame: int) -> Response:
-        opened, checksum = site.episode(store, row)
+        opened, version = site.episode(store, row)
         if frame > 1:
             abort(404, "there is no such cloud; frames: 0 and 1")
         camera = _asked_camera(opened)
         make = lambda: cloud_bytes(opened.dataset.point_cloud(row, camera, frame))  # noqa: E731
-        return cached_answer(checksum, BYTES, make)
+        return cached_answer(version, BYTES, make)
 
     return pages
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from grasp_factory.apps.browse.image_files import depth_range
 from grasp_factory.apps.browse.open_stores import OpenStore
-from grasp_factory.apps.browse.series import pad_size
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.plausible import pad_size
 from grasp_factory.errors import GraspFactoryError
 
 _ELSEWHERE = ("spec", "array_crc32c", "status", "error")
@@ -34,6 +34,7 @@ def episode(opened: OpenStore, row: int, indexed: Mapping[str, Any]) -> dict[str
         "store": indexed["store"],
         "row": row,
         "status": indexed["status"],
+        "version": opened.version(row),
         "index": indexed,
         "annotation": to_plain(log.of(row)),
         "history": to_plain(log.history(row)),
@@ -47,7 +48,7 @@ def episode(opened: OpenStore, row: int, indexed: Mapping[str, Any]) -> dict[str
         "cameras": {camera: _camera(opened, row, camera) for camera in dataset.config.cameras},
         "depth_range": {c: depth_range(dataset, row, c) for c in dataset.config.cameras},
         "grasp": _grasp(dataset, row),
-        "pad_size": pad_size(opened),
+        "pad_size": pad_size(dataset.attributes),
         "objects": dataset.value(row, "object_ids").tolist(),
     }
 

@@ -33,7 +33,8 @@ def routes(site: Site) -> Blueprint:
         site.freshness.soon()
         offset, limit = integer("offset", 0, 10**9 - 1), integer("limit", 60, MOST_ROWS)
         page = site.index.page(asked_query(), offset, limit)
-        return json_answer({"total": page.total, "rows": page.rows})
+        rows = [row | {"version": site.version(row["store"], row["row"])} for row in page.rows]
+        return json_answer({"total": page.total, "rows": rows})
 
     @pages.get("/api/ids")
     def ids() -> Response:

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.schema import STATUS
 from grasp_factory.dataset.annotations import AnnotationLog
+from grasp_factory.dataset.block_version import block_version
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.index import IndexedStore
 
@@ -20,10 +22,18 @@ Stamp = tuple[tuple[int, int, int], ...]
 class OpenStore:
     """An open store. Several threads may read from it at once: no file handle is kept."""
 
+    place: Place
     dataset: Dataset
     arrays: Mapping[str, Any]
     """Every Zarr array by its path, for data that ``Dataset`` reads only as part of an episode."""
     log: AnnotationLog
+
+    def version(self, row: int) -> str:
+        """Return a text that changes when a row's files are written again; empty if it has none."""
+        try:
+            return block_version(self.place, row // self.dataset.config.block_size)
+        except OSError:
+            return ""
 
 
 class OpenStores:
@@ -53,7 +63,10 @@ class OpenStores:
             if store not in self._open or self._open[store][0] != stamp:
                 dataset = Dataset.open(path)
                 opened = OpenStore(
-                    dataset=dataset, arrays=dataset.arrays(), log=AnnotationLog(path)
+                    place=place_of(path),
+                    dataset=dataset,
+                    arrays=dataset.arrays(),
+                    log=AnnotationLog(path),
                 )
                 self._open[store] = (stamp, opened)
             return self._open[store][1]

@@ -22,20 +22,19 @@ def json_answer(value: Any, code: int = 200) -> Response:
     return Response(json_bytes(value), code, content_type="application/json")
 
 
-def cached_answer(checksum: str, kind: str, make: Callable[[], bytes]) -> Response:
+def cached_answer(current: str, kind: str, make: Callable[[], bytes]) -> Response:
     """Return bytes that depend only on an episode; they are not made if the browser has them.
 
-    If the address contains the episode's checksum as ``?v=``, the browser caches the answer for a
+    If the address contains the episode's version as ``?v=``, the browser caches the answer for a
     year. Otherwise it asks each time, and gets status 304 if nothing has changed.
 
     Args:
-        checksum: The episode's checksum.
+        current: The episode's version; see ``OpenStore.version``.
         kind: Content type.
         make: Makes the bytes.
     """
-    tag = digest(f"{checksum} {request.path} {request.query_string!r}".encode())[:32]
-    version = request.args.get("v", "")
-    is_named = len(version) >= 8 and checksum.startswith(version)
+    tag = digest(f"{current} {request.path} {request.query_string!r}".encode())[:32]
+    is_named = bool(current) and request.args.get("v") == current
     if request.if_none_match.contains(tag):
         answer = Response(status=304)
     else:

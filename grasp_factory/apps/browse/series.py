@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from grasp_factory.apps.browse.numbers import rounded
 from grasp_factory.apps.browse.open_stores import OpenStore
+from grasp_factory.core.elementary import LARGEST_ANGLE
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.errors import MissingLibraryError, StoreError
+from grasp_factory.dataset.plausible import check_joints, pad_size
+from grasp_factory.dataset.row_codec import unpadded
+from grasp_factory.errors import ConfigError, MissingLibraryError, StoreError
 from grasp_factory.robots import ROBOTS, arm_chain
 from grasp_factory.robots.kinematics import Chain
 from grasp_factory.signals.plot_series import CurveGroup, Series, curve_groups, phase_spans
@@ -51,7 +54,7 @@ def episode_series(opened: OpenStore, row: int) -> dict[str, Any]:
             "objects": rounded(np.swapaxes(streams["object_pose"], 0, 1)),
             "gripper_width": rounded(streams["gripper_width"]),
         },
-        "links": _links(dataset.config.robot, streams["joint_positions"]),
+        "links": _links(opened, row, streams["joint_positions"]),
         "tactile": _touch(opened, streams),
     }
 
@@ -64,18 +67,8 @@ def tactile(opened: OpenStore, row: int) -> bytes:
     """
     taxels = _taxels(opened, opened.dataset.series(row, *_TACTILE))
     if taxels is None:
-        raise StoreError(f"{opened.dataset.path}: its attribute robot has no pad_size")
+        raise StoreError(f"{opened.dataset.path}: its attribute robot has no pad_size of a pad")
     return taxels.astype("<f4").tobytes()
-
-
-def pad_size(opened: OpenStore) -> tuple[float, float] | None:
-    """Return width and height of the robot's pads, metres; None if the store lacks them."""
-    dataset = opened.dataset
-    try:
-        width, height = map(float, dataset.attributes["robot"]["pad_size"])
-    except (KeyError, TypeError, ValueError):
-        return None
-    return width, height
 
 
 def _touch(opened: OpenStore, streams: Series) -> dict[str, Any] | None:
@@ -87,7 +80,7 @@ def _touch(opened: OpenStore, streams: Series) -> dict[str, Any] | None:
 
 
 def _taxels(opened: OpenStore, streams: Series) -> NDArray[np.float64] | None:
-    size = pad_size(opened)
+    size = pad_size(opened.dataset.attributes)
     return None if size is None else taxel_image(streams, size, *TAXELS)
 
 
@@ -103,8 +96,9 @@ def _unpadded(
     there = [name for name in names if f"{group}/{name}" in opened.arrays]
     if not there:
         return {}
-    count = int(opened.dataset.value(row, length))
-    return {name: read_array(opened.arrays[f"{group}/{name}"], row)[:count] for name in there}
+    count = opened.dataset.value(row, length)
+    stored = {name: read_array(opened.arrays[f"{group}/{name}"], row) for name in there}
+    return {n: unpadded(values, count, row, f"episodes/{length}") for n, values in stored.items()}
 
 
 def _group(group: CurveGroup) -> dict[str, Any]:
@@ -116,21 +110,30 @@ def _group(group: CurveGroup) -> dict[str, Any]:
     return told | {"series": series}
 
 
-def _links(robot: str, joint_positions: NDArray[Any]) -> dict[str, Any]:
+def _links(opened: OpenStore, row: int, joint_positions: NDArray[Any]) -> dict[str, Any]:
     """Return world positions of the arm's joints and TCP over time; none for an unknown robot.
 
     Some robot models come with PyBullet. If one is missing because PyBullet is not installed, a
     note says so.
+
+    Raises:
+        StoreError: if the positions are of another number of joints than the robot has.
     """
+    dataset = opened.dataset
     unknown: dict[str, Any] = {"names": [], "positions": []}
     try:
-        chains = _chains(robot)
+        chains = _chains(dataset.config.robot)
     except MissingLibraryError:
         why = "its model comes with PyBullet, which is not installed where this page comes from"
         return unknown | {"note": f"The arm is not drawn: {why}."}
     if not chains:
         return unknown
+    try:
+        check_joints(joint_positions, len(chains[-1].joint_names))
+    except ConfigError as error:
+        raise StoreError(f"{dataset.path}: episode {row} is damaged: {error}") from None
     q = np.asarray(joint_positions, np.float64)
+    q = np.where(np.abs(q) <= LARGEST_ANGLE, q, np.nan)
     places = [chain.fk(q[:, : len(chain.joint_names)])[:, :3, 3] for chain in chains]
     names = ["base", *chains[-1].joint_names, "tcp"]
     return {

@@ -56,14 +56,15 @@ class Site:
             abort(404, f"there is no store {number} here")
 
     def episode(self, number: int, row: int) -> tuple[OpenStore, str]:
-        """Return the store and the checksum of a committed episode, or abort with 404.
+        """Return the store of a committed episode and its ``version``, or abort with 404.
 
         Raises:
             StoreMismatchError, StoreError: if the store is damaged.
         """
         opened = self.store(number)
         try:
-            return opened, str(opened.dataset.value(row, "checksum"))
+            opened.dataset.value(row, "outcome")
+            return opened, opened.version(row)
         except IndexError as error:
             abort(404, str(error))
         except StoreError as error:
@@ -71,6 +72,13 @@ class Site:
             if indexed is None or indexed["status"] != "committed":
                 abort(404, str(error))
             raise
+
+    def version(self, number: int, row: int) -> str:
+        """Return the version of a row; empty if its store cannot be read."""
+        try:
+            return self.store(number).version(row)
+        except GraspFactoryError:
+            return ""
 
     def row(self, number: int, row: int) -> dict[str, Any] | None:
         """Return a row of the index; one that a run has made since the last look is read now."""

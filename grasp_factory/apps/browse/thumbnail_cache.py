@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 
-from grasp_factory.core.cache import cache_dir, digest, read, write
+from grasp_factory.core.cache import cache_dir, digest, read, touch, write
 from grasp_factory.errors import UsageError
 
 MOST_BYTES = 500_000_000
-_TOUCH_S = 86_400.0
-"""Seconds after which a used picture gets a new modification time: once a day is enough."""
 
 
 class Thumbnails:
@@ -34,7 +31,7 @@ class Thumbnails:
         file = self._folder / name[:2] / f"{name}.jpg"
         data = read(file)
         if data:
-            _touch(file)
+            touch(file)
             return data
         data = make()
         with contextlib.suppress(UsageError):
@@ -74,10 +71,3 @@ def _folder() -> Path | None:
         return cache_dir() / "thumbnails"
     except UsageError:
         return None
-
-
-def _touch(file: Path) -> None:
-    """Set a file's modification time to now, unless it is less than a day old."""
-    with contextlib.suppress(OSError):
-        if time.time() - file.stat().st_mtime > _TOUCH_S:
-            os.utime(file)

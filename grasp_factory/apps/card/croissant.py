@@ -50,6 +50,7 @@ class Described:
     version: str
     keywords: tuple[str, ...]
     limits: tuple[str, ...]
+    """In Markdown, as ``description``."""
     made_with: str
     """The generator and its version."""
 

@@ -24,6 +24,7 @@ from grasp_factory.dataset.counts import (
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, UsageError
 from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.label_columns import label_thresholds
 from grasp_factory.writers.zarr.sizes import store_bytes
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
@@ -190,7 +191,7 @@ def _labels(
         labels.append(
             AddedLabel(
                 name=name,
-                thresholds=dict(attributes.get("thresholds", {})),
+                thresholds=label_thresholds(f"{dataset.path}: labels/{name}", attributes),
                 episodes=int(np.sum(outcome < len(Outcome))),
                 successes=int(np.sum(outcome == Outcome.SUCCESS)),
             )

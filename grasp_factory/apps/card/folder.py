@@ -6,10 +6,13 @@ The README ends with a comment that has the digest of every file of the card and
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from grasp_factory.core.limits import DOCUMENT
+from grasp_factory.core.place import Place
 from grasp_factory.errors import StoreError, UsageError
 from grasp_factory.writers.zarr.files import cannot_write, locate
 
@@ -35,13 +38,13 @@ def check_folder(out: Path, store: Path) -> None:
             raise UsageError(f"{what}, valid: a folder beside it")
 
 
-def foreign_files(out: Path, names: Iterable[str]) -> list[str]:
+def foreign_files(out: Place, names: Iterable[str]) -> list[str]:
     """Return the names of existing files that no card has written, or that were changed since.
 
     Raises:
-        StoreError: if one cannot be read.
+        StoreError: if one cannot be read, or is a link.
     """
-    there = [name for name in names if (out / name).exists() or (out / name).is_symlink()]
+    there = [name for name in names if (out / name).exists()]
     if not there:
         return []
     try:
@@ -51,8 +54,8 @@ def foreign_files(out: Path, names: Iterable[str]) -> list[str]:
         raise StoreError(f"{error.filename} cannot be read: {error.strerror}") from None
 
 
-def place(files: Mapping[str, Path], out: Path) -> None:
-    """Move finished files to their names in a folder.
+def place(files: Mapping[str, Path], out: Place) -> None:
+    """Move finished files to their names in a folder. Nothing outside of it is written.
 
     Raises:
         StoreError: if the disk or its permissions do not allow it.
@@ -61,9 +64,10 @@ def place(files: Mapping[str, Path], out: Path) -> None:
         for name, file in files.items():
             target = out / name
             target.parent.mkdir(exist_ok=True)
-            file.replace(target)
+            with target.above() as (above, leaf):
+                os.replace(file, leaf, dst_dir_fd=above)
     except OSError as error:
-        raise cannot_write(out, error) from None
+        raise cannot_write(out.path, error) from None
 
 
 def seal(text: str, digests: Mapping[str, str]) -> str:
@@ -84,22 +88,23 @@ def digest(file: Path) -> str:
         return hashlib.file_digest(data, "sha256").hexdigest()
 
 
-def _sealed(readme: Path) -> dict[str, str]:
+def _sealed(readme: Place) -> dict[str, str]:
     """Return the digests in a README; empty if no card has written it."""
     if not readme.is_file():
         return {}
-    _, head, rest = readme.read_bytes().decode(errors="replace").rpartition(_HEAD)
+    _, head, rest = readme.read_bytes(DOCUMENT).decode(errors="replace").rpartition(_HEAD)
     lines = rest.splitlines() if head else []
     found = [match for line in lines if (match := _DIGEST.fullmatch(line))]
     return {match[2]: match[1] for match in found}
 
 
-def _digest_in(out: Path, name: str) -> str:
+def _digest_in(out: Place, name: str) -> str:
     file = out / name
     if not file.is_file():
         return "no file"
     if name != README:
-        return digest(file)
-    text, _, end = file.read_bytes().rpartition(f"\n{_HEAD}\n".encode())
+        with open(file.open(), "rb") as data:
+            return hashlib.file_digest(data, "sha256").hexdigest()
+    text, _, end = file.read_bytes(DOCUMENT).rpartition(f"\n{_HEAD}\n".encode())
     is_whole = re.fullmatch(rb"([0-9a-f]{64}  [^\n]+\n)+-->\n", end) is not None
     return hashlib.sha256(text).hexdigest() if is_whole else "no digests, or more than these"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from grasp_factory.apps.card.markdown import word
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.config.randomization import RandomizeConfig
@@ -62,11 +63,12 @@ def _of_sensors(config: FactoryConfig) -> Iterator[str]:
     else:
         yield "Images come from OpenGL without reflections; another driver draws other pixels."
     if len(config.cameras) == 1:
-        yield f"There is one camera, {next(iter(config.cameras))}: the other sides are not seen."
+        camera = word(next(iter(config.cameras)))
+        yield f"There is one camera, {camera}: the other sides are not seen."
 
 
 def _of_scenes(config: FactoryConfig) -> Iterator[str]:
-    yield f"There is one robot with one parallel gripper, {config.robot}, on one flat table."
+    yield f"There is one robot with one parallel gripper, {word(config.robot)}, on one flat table."
     if config.clutter.count == 1:
         yield "Each object lies alone: there is no clutter, and nothing hides it."
     if config.randomize == RandomizeConfig():
@@ -75,7 +77,7 @@ def _of_scenes(config: FactoryConfig) -> Iterator[str]:
         yield f"Only objects of {' and '.join(config.object_splits)} are in it."
     if set(config.policies) <= _STRAIGHT_DOWN:
         yield "All grasps come straight down."
-    for policy in config.models:
+    for policy in map(word, config.models):
         yield f"The grasps of {policy} were chosen by a trained model, with that model's habits."
     if config.quality.min_score > 1:
         yield (

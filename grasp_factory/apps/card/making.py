@@ -13,6 +13,7 @@ from grasp_factory.apps.card.facts import CardFacts, read_facts
 from grasp_factory.apps.card.folder import README, check_folder, digest, foreign_files, place, seal
 from grasp_factory.apps.card.licences import LICENCES, UNKNOWN
 from grasp_factory.apps.card.limits import known_limits
+from grasp_factory.apps.card.markdown import word
 from grasp_factory.apps.card.publication import Publication
 from grasp_factory.apps.card.readme import (
     CONFIG_FILE,
@@ -26,6 +27,7 @@ from grasp_factory.apps.card.readme import (
 from grasp_factory.apps.card.table import write_table
 from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.apps.pictures.sheet import choose_episodes, sheet_of, write_png
+from grasp_factory.core.place import place_at
 from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import array_facts
@@ -84,16 +86,17 @@ def write_card(
     dataset, store = Dataset.open(path), locate(path)
     folder = store.with_name(store.name + SUFFIX) if out is None else out
     check_folder(folder, store)
-    if not force and (foreign := foreign_files(folder, FILES)):
-        what = f"{folder}: {', '.join(foreign)} not written by this command, or changed since"
-        raise UsageError(f"{what}; --force replaces them, --out names another folder")
-    facts = read_facts(dataset)
-    described = _describe(dataset, store, facts, publication or Publication())
     try:
-        folder.mkdir(exist_ok=True)
+        target = place_at(folder)
+        if not force and (foreign := foreign_files(target, FILES)):
+            what = f"{folder}: {', '.join(foreign)} not written by this command, or changed since"
+            raise UsageError(f"{what}; --force replaces them, --out names another folder")
+        facts = read_facts(dataset)
+        described = _describe(dataset, store, facts, publication or Publication())
+        target.mkdir(exist_ok=True)
         with scratch_folder(folder, "card") as scratch:
             made = _make_files(scratch, dataset, facts, described, _below(store, folder))
-            place(made, folder)
+            place(made, target)
     except OSError as error:
         raise cannot_write(folder, error) from None
     return Card(
@@ -153,9 +156,9 @@ def _describe(
     config, attributes = dataset.config, dataset.attributes
     total = facts.total
     sentence = (
-        f"{total.episodes} grasp attempts of a {config.robot} on {total.objects} objects, simulated"
-        " in PyBullet: images, touch over time, and the outcome of each with the measurements"
-        " behind it."
+        f"{total.episodes} grasp attempts of a {word(config.robot)} on {total.objects} objects,"
+        " simulated in PyBullet: images, touch over time, and the outcome of each with the"
+        " measurements behind it."
     )
     stated = str(attributes.get("license", "")).lower()
     # Such a store contains users' meshes, whose licence is not known.

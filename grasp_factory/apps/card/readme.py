@@ -18,7 +18,7 @@ from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of
-from grasp_factory.core.text_format import count, percent, size_text
+from grasp_factory.core.text_format import count, escaped, percent, size_text
 from grasp_factory.curation.merge.provenance import stored_sources
 from grasp_factory.writers.zarr.header import SOURCES
 
@@ -26,6 +26,8 @@ CONFIG_FILE = "config.yaml"
 SHEET, OUTCOMES, MEASURES = (f"figures/{name}.png" for name in ("sheet", "outcomes", "measures"))
 MOST_ROWS = 30
 """Maximum rows of a table of words or reasons."""
+_LONGEST_UNIT = 100
+"""Characters of a unit that are shown."""
 _SIZES = ("1K", "10K", "100K", "1M", "10M", "100M", "1B", "10B")
 """The limits of the Hub's size categories."""
 
@@ -66,9 +68,9 @@ def front_matter(contents: Contents) -> str:
     data_files = [{"split": RECORDS, "path": contents.table}]
     metadata = {
         "license": contents.described.licence,
-        "pretty_name": contents.described.name,
+        "pretty_name": escaped(contents.described.name),
         "task_categories": ["robotics"],
-        "tags": list(contents.described.keywords),
+        "tags": list(map(escaped, contents.described.keywords)),
         "size_categories": [size_category(contents.facts.total.episodes)],
         "configs": [{"config_name": RECORDS, "data_files": data_files}],
     }
@@ -84,16 +86,14 @@ def size_category(episodes: int) -> str:
 
 def config_text(config: FactoryConfig) -> str:
     """Return a config as a file that ``generate --config`` takes."""
-    return yaml.safe_dump(
-        config.to_plain(), sort_keys=False, default_flow_style=None, width=100, allow_unicode=True
-    )
+    return yaml.safe_dump(config.to_plain(), sort_keys=False, default_flow_style=None, width=100)
 
 
 def _head(contents: Contents) -> Iterator[str]:
     described, facts = contents.described, contents.facts
     yield f"# {escape(described.name)}"
     yield described.description
-    made = f"Version {described.version}, made with {described.made_with}"
+    made = f"Version {described.version}, made with {escape(described.made_with)}"
     if described.date_published:
         made += f", published {described.date_published}"
     parts = [f"{made}.", f"Licence: `{described.licence}`."]
@@ -181,7 +181,7 @@ def _label(contents: Contents) -> Iterator[str]:
 
 def _loading(contents: Contents) -> Iterator[str]:
     camera = next(iter(contents.config.cameras))
-    store = json.dumps(contents.store, ensure_ascii=False)
+    store = escaped(json.dumps(contents.store, ensure_ascii=False))  # Python has JSON's escapes
     first = int(contents.facts.values()["row"][0])
     yield "## Load it"
     ours = f"""\
@@ -208,8 +208,8 @@ word = outcome.attrs["names"][int(outcome[{first}])]"""
     )
     descriptions = {f.path: f.description for f in schema.expand(contents.config)}
     rows = [
-        (word(a["path"]), " x ".join(map(str, a["shape"])), a["dtype"], a["units"],
-         descriptions.get(a["path"], ""))
+        (word(a["path"]), " x ".join(map(str, a["shape"])), a["dtype"],
+         escape(str(a["units"])[:_LONGEST_UNIT]), descriptions.get(a["path"], ""))
         for a in contents.arrays
     ]  # fmt: skip
     arrays = table(("array", "shape", "type", "unit", "what"), rows)
@@ -236,7 +236,7 @@ def _origin(contents: Contents) -> Iterator[str]:
             yield f"(`grasp-factory objects DIR` first, with the folder of each of {sets})"
         for policy, sha256 in config.models.items():
             yield f"(with the trained model of {word(policy)}, SHA-256 {word(sha256)})"
-        name = shlex.quote(contents.store.rpartition("/")[2])
+        name = shlex.quote(escaped(contents.store.rpartition("/")[2]))
         command = f"grasp-factory generate --config {CONFIG_FILE} --n {contents.facts.rows}"
         yield fenced(f"{command} --out {name}", "")
     facts = {**attributes["versions"], **attributes["platform"]}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.csv_text import CsvWriter
 from grasp_factory.core.schema import Field
 
 NOT_IN_TABLE = frozenset(
@@ -81,8 +81,9 @@ def write_table(file: Path, columns: Sequence[TableColumn]) -> None:
     name may contain a line break.
     """
     with file.open("w", encoding="utf-8", newline="") as out:
-        writer = csv.writer(out, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
-        writer.writerow([column.name for column in columns])
+        writer = CsvWriter(out, quotes_text=True)
+        writer.row(column.name for column in columns)
         for start in range(0, len(columns[0].values), _CHUNK):
             cells = (column.cells(start, start + _CHUNK) for column in columns)
-            writer.writerows(zip(*cells, strict=True))
+            for row in zip(*cells, strict=True):
+                writer.row(row)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from grasp_factory.core.sensors import series_groups
+from grasp_factory.dataset.block_version import block_version
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory.block_job import Made
 from grasp_factory.labels.image_metrics import exposure, grey
@@ -36,7 +37,8 @@ class EpisodeFacts:
     row: int
     outcome: str
     object_id: str = ""
-    checksum: str = ""
+    version: str = ""
+    """See ``block_version``."""
     quality: int | None = None
     lengths: Mapping[str, int] = field(default_factory=dict)
     """Samples of each group of time series, by its column: ``n_steps``, ``n_imu``, ..."""
@@ -68,7 +70,7 @@ class BlockFacts:
         names = set(self._columns.names)
         self._lengths = [group.count for group in series_groups() if group.count in names]
         self._measured = [name for name in MEASURED if name in names]
-        self._more = [name for name in ("object_id", "checksum", "quality") if name in names]
+        self._more = [name for name in ("object_id", "quality") if name in names]
 
     def committed(self, made: Sequence[Made]) -> bool:
         """Return whether a block's episodes are committed with the statuses that were reported."""
@@ -85,6 +87,7 @@ class BlockFacts:
         first, last = made[0].index, made[-1].index
         names = (*self._lengths, *self._measured, *self._more)
         values = {name: self._columns.read_rows(name, first, last + 1) for name in names}
+        version = block_version(self._columns.place, first // self._dataset.config.block_size)
         out = []
         for m in made:
             if m.outcome != "quarantined":
@@ -94,7 +97,7 @@ class BlockFacts:
                         row=m.index,
                         outcome=m.outcome,
                         object_id=str(own.get("object_id", "")),
-                        checksum=str(own.get("checksum", "")),
+                        version=version,
                         quality=int(own["quality"]) if "quality" in own else None,
                         lengths={name: int(own[name]) for name in self._lengths},
                         measured={name: float(own[name]) for name in self._measured},

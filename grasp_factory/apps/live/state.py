@@ -146,5 +146,5 @@ def _entry(made: Made, fact: EpisodeFacts | None) -> dict[str, Any]:
         "error": made.reason,
         "object_id": fact.object_id if fact else "",
         "quality": fact.quality if fact else None,
-        "version": fact.checksum[:12] if fact else "",
+        "version": fact.version if fact else "",
     }

@@ -5,6 +5,8 @@ Images are BGR uint8, as OpenCV expects them.
 
 from __future__ import annotations
 
+import re
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -47,17 +49,24 @@ OTHER_COLORS: tuple[BgrColor, ...] = (
 NEAR = 0.01
 """Minimum distance in metres from the camera at which a grasp is drawn."""
 
+MOST_LETTERS = 1000
+"""Letters of a text that are drawn."""
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def drawable(text: str) -> str:
+    """Return the start of a text; ``?`` replaces each character that OpenCV's font lacks."""
+    return re.sub("[^ -~]", "?", text[:MOST_LETTERS])
 
 
 def put_text(
     image: BgrImage, text: str, at: tuple[int, int], color: BgrColor = INK, height: int = 13
 ) -> int:
-    """Write ASCII text with its left end and vertical middle at ``at``; return its width."""
-    scale = height / 22.0  # the font's capitals are 22 px high at scale 1
-    (width, _), _ = cv2.getTextSize(text, _FONT, scale, 1)
+    """Write text with its left end and vertical middle at ``at``; return its width."""
+    shown, scale = drawable(text), height / 22.0  # the font's capitals are 22 px high at scale 1
+    (width, _), _ = cv2.getTextSize(shown, _FONT, scale, 1)
     origin = (at[0], at[1] + round(height * 0.5))
-    cv2.putText(image, text, origin, _FONT, scale, color, 1, cv2.LINE_AA)
+    cv2.putText(image, shown, origin, _FONT, scale, color, 1, cv2.LINE_AA)
     return int(width)
 
 
@@ -65,7 +74,7 @@ def put_badge(
     image: BgrImage, text: str, at: tuple[int, int], color: BgrColor, height: int = 22
 ) -> int:
     """Draw white text in a rounded box whose left middle is at ``at``; return its width."""
-    (text_width, _), _ = cv2.getTextSize(text, _FONT, 13 / 22.0, 1)
+    (text_width, _), _ = cv2.getTextSize(drawable(text), _FONT, 13 / 22.0, 1)
     width, radius = int(text_width) + height, height // 2
     x, y = at
     ends = [(x + radius, y), (x + width - radius, y)]

@@ -81,7 +81,7 @@ def tiles_of(
     head: BgrImage = np.full((HEADER, sheet.shape[1], 3), painting.PAPER, np.uint8)
     store, length = dataset.path.name, len(dataset)
     title = f"{store}: {len(rows)} of {length} episodes, before and after, camera {camera}"
-    painting.put_text(head, _ascii(title), (GAP, HEADER // 2 + 2), height=14)
+    painting.put_text(head, title, (GAP, HEADER // 2 + 2), height=14)
     return np.vstack([head, sheet])
 
 
@@ -142,9 +142,8 @@ def _strip(color: painting.BgrColor, word: str, figures: str, below: str) -> Bgr
     strip: BgrImage = np.full((CAPTION, WIDTH, 3), painting.PAPER, np.uint8)
     cv2.rectangle(strip, (0, 0), (WIDTH, 2), color, cv2.FILLED)
     x = painting.put_text(strip, word, (2, 13), color, 11)
-    painting.put_text(strip, _ascii(figures), (x + 10, 13), painting.INK, 11)
-    text = _ascii(below)
-    shown = text if len(text) <= LETTERS else f"{text[: LETTERS - 3]}..."
+    painting.put_text(strip, figures, (x + 10, 13), painting.INK, 11)
+    shown = below if len(below) <= LETTERS else f"{below[: LETTERS - 3]}..."
     painting.put_text(strip, shown, (2, 29), painting.PALE, 10)
     return strip
 
@@ -162,7 +161,3 @@ def _height(width: int, height: int) -> int:
 
 def _word(name: str) -> str:
     return name.lower().replace("_", " ")
-
-
-def _ascii(text: str) -> str:
-    return text.encode("ascii", "replace").decode()

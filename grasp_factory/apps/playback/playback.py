@@ -220,8 +220,7 @@ def captioned(image: BgrImage, episode: Episode, time: float, speed: float) -> B
         (phase_at(episode, time), 84),
         (f"#{episode.spec.index} {episode.spec.objects[0].object_id}", 0),
     ):
-        plain = text.encode("ascii", "replace").decode()
-        painting.put_text(strip, plain, (x, middle), height=11)
+        painting.put_text(strip, text, (x, middle), height=11)
         x += width
     return np.vstack([image, strip])
 

@@ -9,6 +9,7 @@ import numpy as np
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.geometry import Array
+from grasp_factory.dataset.plausible import check_motion
 from grasp_factory.errors import lookup
 from grasp_factory.robots import ROBOTS
 
@@ -40,8 +41,13 @@ class Track:
 
     @classmethod
     def of(cls, episode: Episode) -> Track:
-        """Return an episode's motion: home and the objects' rest poses first, then its records."""
+        """Return an episode's motion: home and the objects' rest poses first, then its records.
+
+        Raises:
+            ConfigError: if its clocks or its joint positions are not those of an attempt.
+        """
         model, streams = lookup(ROBOTS, "robot", episode.spec.robot), episode.streams
+        check_motion(episode, len(model.home))
         return cls(
             np.concatenate([[0.0], streams["timestamp"]]),
             np.vstack([[model.home], streams["joint_positions"].astype(np.float64)]),

@@ -9,6 +9,7 @@ import numpy as np
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.schema import FIELDS
+from grasp_factory.core.text_format import escaped
 
 _SHOWN_FIRST = ("object_id", "object_family", "policy", "split", "seed", "index")
 
@@ -30,7 +31,7 @@ def episode_text(episode: Episode) -> str:
 
 def _word(value: Any) -> str:
     if isinstance(value, str):
-        return "".join("\\" + c if c in "\\|`*_<>[]#" else c for c in value) or "-"
+        return "".join("\\" + c if c in "\\|`*_<>[]#" else c for c in escaped(value)) or "-"
     number = float(value)
     if math.isnan(number):
         return "-"

@@ -84,7 +84,7 @@ export function showFrame(node, after) {
 
 function picture(row, after) {
   const source = (frame) =>
-    address(`/thumb/${row.store}/${row.row}.jpg`, { frame, v: (row.checksum ?? '').slice(0, 12) });
+    address(`/thumb/${row.store}/${row.row}.jpg`, { frame, v: row.version });
   const [before, later] = [source(0), source(1)];
   return h('img', {
     alt: '',

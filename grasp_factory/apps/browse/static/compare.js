@@ -151,7 +151,7 @@ async function load(id, letter, library, signal) {
   const episode = await getJson(`/api/episode/${store}/${row}`, null, { signal });
   const isWhole = episode.status !== 'quarantined';
   const stored = isWhole
-    ? await getJson(`/api/series/${store}/${row}`, { v: episode.index.checksum }, { signal })
+    ? await getJson(`/api/series/${store}/${row}`, { v: episode.version }, { signal })
     : NOTHING;
   return { id, letter, episode, series: inOrder(stored) ? stored : NOTHING };
 }

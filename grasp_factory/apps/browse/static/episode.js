@@ -48,7 +48,7 @@ export async function show(root, route, library, signal) {
     getJson(`/api/neighbours/${store}/${row}`, filter, { signal }).then(walk.know),
   ]);
   const isWhole = episode.status !== 'quarantined';
-  const stored = isWhole ? await getJson(`/api/series/${store}/${row}`, { v: episode.index.checksum }, { signal }) : NOTHING;
+  const stored = isWhole ? await getJson(`/api/series/${store}/${row}`, { v: episode.version }, { signal }) : NOTHING;
   const isOrdered = inOrder(stored);
   const series = isOrdered ? stored : NOTHING;
   signal.throwIfAborted();

@@ -22,7 +22,7 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
   const cameras = Object.keys(episode.cameras);
   // Of two episodes beside one another, each has its own.
   const view = { ...chosen, camera: cameras.includes(chosen.camera) ? chosen.camera : cameras[0] };
-  const version = encodeURIComponent((episode.index.checksum ?? '').slice(0, 16));
+  const version = encodeURIComponent(episode.version);
   const at = `${store}/${row}`;
   const still = (camera, kind, frame) =>
     `/image/${at}/${encodeURIComponent(camera)}/${kind}/${frame}.png?v=${version}`;

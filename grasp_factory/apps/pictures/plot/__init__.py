@@ -9,6 +9,7 @@ import numpy as np
 from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.core.optional import require
 from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.plausible import pad_size
 from grasp_factory.errors import UsageError, lookup
 
 SIZE = (1600, 1200)
@@ -48,7 +49,7 @@ def plot_episode(
         row=index,
         episode=dataset[index],
         camera=camera,
-        pad_size=dataset.attributes.get("robot", {}).get("pad_size"),
+        pad_size=pad_size(dataset.attributes),
         maker=str(dataset.attributes.get("versions", {}).get("grasp_factory", "")),
     )
     return np.ascontiguousarray(pixels_of(figure_of(subject, size))[..., ::-1])
