@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import signal
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
 from support.scale import scaled
 
 from grasp_factory.__main__ import main
+from grasp_factory.core.cache import VARIABLE
+from grasp_factory.curation import isolation
+from grasp_factory.factory.executors import InlineExecutor
 
 # The same examples in every run, and no clock.
 settings.register_profile(
@@ -27,6 +31,38 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that have most slow tests, so that none of them is the last to run."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -slow[item.path])
+
+
+class _Here(InlineExecutor):
+    """Runs a task as ``isolation.isolated`` does, in this process and without limits."""
+
+    def run(self, task: Any, *args: Any) -> Any:  # type: ignore[override]
+        """See ``Executor.run``."""
+        try:
+            return super().run(task, *args)
+        finally:
+            if maker := getattr(task, "__dict__", {}).get("_maker"):
+                maker.close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Leave the cache of the person alone who runs the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(VARIABLE, str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture
+def isolated() -> None:
+    """Simulate recipes of stores in other processes, as commands do."""
+
+
+@pytest.fixture(autouse=True)
+def recipes_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulate recipes of stores in this process, where tests replace what makes an episode."""
+    if "isolated" not in request.fixturenames:
+        monkeypatch.setattr(isolation, "isolated", lambda workers=1: _Here())
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -384,6 +385,15 @@ class TestJournal:
     def test_a_file_that_is_no_journal_is_refused(self, tmp_path: Path, text: str) -> None:
         (tmp_path / FILE).write_text(text, encoding="latin-1")
         with pytest.raises(UsageError, match=r"flywheel\.json.*choose another folder"):
+            Journal(tmp_path, settings_of())
+
+    def test_a_file_without_end_is_refused(self, tmp_path: Path) -> None:
+        (tmp_path / FILE).symlink_to("/dev/zero")
+        with pytest.raises(UsageError, match="/dev/zero is in the way: it is no regular file"):
+            Journal(tmp_path, settings_of())
+        (tmp_path / FILE).unlink()
+        os.mkfifo(tmp_path / FILE)
+        with pytest.raises(UsageError, match=r"flywheel\.json is in the way"):
             Journal(tmp_path, settings_of())
 
     def test_a_folder_of_other_things_is_refused(self, tmp_path: Path) -> None:

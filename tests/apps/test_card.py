@@ -24,6 +24,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.fake_episodes import JOINTS, make_rows, make_spec, small_config
 from support.helpers import assert_same_tree, tree
+from support.hostile.table import configured
+from support.hostile.texts import MARKUP, every_text, labelled
 from support.places import TINY
 
 from grasp_factory.apps.card import FILES, Publication, figures, making, write_card
@@ -37,6 +39,7 @@ from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.text_format import escaped
 from grasp_factory.curation.merge import merge
 from grasp_factory.curation.relabel import relabel
 from grasp_factory.curation.verify import verify
@@ -324,6 +327,19 @@ def test_added_labels_are_told_and_in_the_table(tiny: Path) -> None:
     assert words == [names(Outcome)[code] for code in label]
 
 
+@pytest.mark.parametrize("values", [(), (7,), (None,), ([1],), ({"a": "x"},), ({"a": 10**400},)])
+def test_a_label_whose_thresholds_are_no_numbers_is_refused(
+    values: tuple[Any, ...], tiny: Path, tmp_path: Path
+) -> None:
+    relabel(tiny, "gentle", LabelConfig())
+    labelled(*values)(tiny, tmp_path)
+    message = "labels/gentle is damaged: thresholds: got .*, valid: finite numbers by name"
+    with pytest.raises(StoreError, match=message):
+        write_card(tiny)
+    with pytest.raises(StoreError, match=message):
+        merge([tiny], tmp_path / "merged.zarr")
+
+
 @pytest.mark.slow
 def test_a_store_that_was_put_together_says_so(tmp_path: Path) -> None:
     parts = [
@@ -346,7 +362,7 @@ def records(card: Path) -> list[dict[str, str]]:
 
 
 def expected(dataset: Dataset) -> dict[str, list[Any]]:
-    """Return the values of each column of the table, as the dataset has them."""
+    """Return the values of each column of the table; texts as they are in a cell."""
     rows = dataset.committed
     fields = {f.path.removeprefix("episodes/"): f for f in schema.expand(dataset.config)}
     out: dict[str, list[Any]] = {"row": rows.tolist()}
@@ -356,7 +372,15 @@ def expected(dataset: Dataset) -> dict[str, list[Any]]:
         values = dataset.column(name)[rows].tolist()
         words = fields[name].names
         out[name] = [words[value] for value in values] if words else values
+        if fields[name].dtype == "string":
+            out[name] = [in_a_cell(text) for text in values]
     return out
+
+
+def in_a_cell(text: str) -> str:
+    """Return a text so that no spreadsheet computes it."""
+    plain = text.replace("\r", "\\r")
+    return f"'{plain}" if plain[:1] in tuple("=+-@\t\n") else plain
 
 
 def same(a: Any, b: Any) -> bool:
@@ -478,6 +502,27 @@ def test_a_measurement_that_nothing_has_is_drawn_as_such() -> None:
 
 
 # The folder -------------------------------------------------------------------------------------
+
+
+def test_nothing_that_a_store_says_is_markup_in_its_card(
+    tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hostile = tiny.rename(tmp_path / "\x9b\u202e<img src=x>`.zarr")
+    every_text(hostile, tmp_path)
+    configured(robot=MARKUP, policies={MARKUP: 1.0}, object_sets={MARKUP: 1.0})(hostile, tmp_path)
+    monkeypatch.setattr(making, "sheet_of", lambda *_: np.zeros((8, 8, 3), np.uint8))
+    card = Path(write_card(hostile, tmp_path / "card").path)
+    for name in FILES:
+        if not name.endswith(".png"):
+            text = (card / name).read_text(encoding="utf-8")
+            assert all(c == "\n" or c.isprintable() for c in text), name
+    _, front, *rest = text_of(card).split("---\n", 2)
+    assert yaml.safe_load(front)["tags"][-1] == escaped(MARKUP)
+    shown = re.sub(r"^(```+)\w*\n.*?^\1$", "", "".join(rest), flags=re.MULTILINE | re.DOTALL)
+    assert "&#60;img" in shown
+    assert not re.search(r"<img|\]\(java|javascript:", shown)
+    config = FactoryConfig.from_plain(yaml.safe_load((card / "config.yaml").read_text()))
+    assert config == Dataset.open(hostile).config
 
 
 def test_the_store_is_only_read(store: Path, tmp_path: Path) -> None:

@@ -46,8 +46,10 @@ from grasp_factory.cli.run_progress import live_view
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.enums import Outcome, names
 from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.place import place_of
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset import index as index_package
+from grasp_factory.dataset.block_version import block_version
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError
 from grasp_factory.factory import block_maker
@@ -132,10 +134,10 @@ class TestTheState:
         for index in range(8):
             state.add(made(index), float(index))
         assert not state.latest
-        state.commit(1, [fact(i, object_id=f"o{i}", checksum="ab" * 32) for i in range(4, 8)])
+        state.commit(1, [fact(i, object_id=f"o{i}", version="ab" * 8) for i in range(4, 8)])
         assert [entry["row"] for entry in state.latest] == [7, 6, 5, 4]
         assert state.latest[0]["object_id"] == "o7"
-        assert state.latest[0]["version"] == "ab" * 6
+        assert state.latest[0]["version"] == "ab" * 8
         assert list(state.waiting) == [0]
 
     def test_remembers_few_however_many_there_are(self) -> None:
@@ -443,7 +445,7 @@ class TestFactsOfAStore:
         assert [fact.row for fact in facts] == [4, 5, 7]
         for fact in facts:
             episode: Episode = rows[fact.row - 4]
-            assert fact.checksum == episode.checksum()
+            assert fact.version == block_version(place_of(tmp_path / "ds.zarr"), 1)
             assert fact.object_id == episode.spec.objects[0].object_id
             assert fact.outcome == episode.outcome.name.lower()
             assert fact.lengths["n_steps"] == len(episode.streams["timestamp"])
@@ -500,7 +502,7 @@ class TestARealRun:
             episode = dataset[entry["row"]]
             assert entry["outcome"] == episode.outcome.name.lower()
             assert entry["object_id"] == episode.spec.objects[0].object_id
-            assert episode.checksum().startswith(entry["version"])
+            assert len(entry["version"]) == 16
         assert sum(last["outcomes"].values()) == 12
         assert last["disk"]["per_episode"] > 1000
 

@@ -259,11 +259,11 @@ class TestFigure:
         labels[0, 0, :30] = np.arange(30)
         crowd = dataclasses.replace(
             episode,
-            spec=dataclasses.replace(episode.spec, objects=episode.spec.objects * 25),
+            spec=dataclasses.replace(episode.spec, objects=episode.spec.objects * 10),
             cameras={"front": dataclasses.replace(front, segmentation=labels)},
         )
         figure = figure_of(subject(crowd))
-        assert "19 more" in words(figure)
+        assert "4 more" in words(figure)
 
     def test_measurements_that_an_attempt_has_none_of_are_left_out(self) -> None:
         episode = DATASET[0]

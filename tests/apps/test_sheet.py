@@ -397,6 +397,15 @@ class TestTiles:
         assert np.array_equal(strips[0], strips[1])
         assert not np.array_equal(strips[0], strips[2])
 
+    @pytest.mark.parametrize("text", ["a\ud800b", "\x1b[2J", "a\x00b", "x" * 10**6, "\u202e"])
+    def test_whatever_a_store_says_can_be_drawn(self, text: str) -> None:
+        strip = np.zeros((40, 100, 3), np.uint8)
+        shown = painting.drawable(text)
+        assert shown.isascii()
+        assert shown.isprintable()
+        assert painting.put_text(strip, text, (0, 20)) == painting.put_text(strip, shown, (0, 20))
+        assert painting.put_badge(strip, text, (0, 20), painting.RED) > 0
+
 
 def run(*args: object) -> Result:
     return CliRunner().invoke(cli, [str(arg) for arg in args], standalone_mode=False)

@@ -28,6 +28,7 @@ import numpy as np
 from support.fake_episodes import JOINTS, make_rows, small_config
 
 from grasp_factory.core import schema
+from grasp_factory.core.place import place_of
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import summarise
 from grasp_factory.writers import ZarrWriter
@@ -66,8 +67,8 @@ def make(path: Path, rows: int) -> None:
             for array in arrays:
                 if str(array.relative_to(path)) not in LINKED:
                     unlink(array, range(max(first, sources), stop))
-    count = len(segments(path))
-    size = sum(segment.file.stat().st_size for segment in segments(path))
+    count = len(segments(place_of(path)))
+    size = sum(segment.file.stat().st_size for segment in segments(place_of(path)))
     each = packed / max(1, count)
     print(f"packed {count} segments, {size / 1e6:.0f} MB, {each:.2f} s each", flush=True)
 
@@ -89,7 +90,7 @@ def unlink(array: Path, blocks: range) -> None:
 
 def forget(path: Path) -> None:
     """Drop the packed segments from the page cache."""
-    for segment in segments(path):
+    for segment in segments(place_of(path)):
         with segment.file.open("rb") as file:
             os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
@@ -151,7 +152,7 @@ def main() -> None:
         for name in cold:
             median = statistics.median(run[name] for run in warm)
             print(f"{name:45}{1e3 * median:>17.1f} ms{1e3 * cold[name]:>9.1f} ms")
-        packed = sum(segment.file.stat().st_size for segment in segments(path))
+        packed = sum(segment.file.stat().st_size for segment in segments(place_of(path)))
         print(f"{len(list((path / FOLDER).iterdir()))} files, {packed / 1e6:.0f} MB packed")
     finally:
         if not arguments.keep:

@@ -222,7 +222,10 @@ WRONG = [
     (["--out", "b/" * 3000], "cannot be used: File name too long; choose another path"),
     (["--set", r'out="a\0b"'], r"a\x00b cannot be used: "),
     (["--out", "locked.zarr"], ".locked.zarr.grasp-factory.lock is in the way: it is no lock of"),
-    (["--out", "noted.zarr"], "noted.zarr.runs.jsonl cannot be written: Is a directory"),
+    (
+        ["--out", "noted.zarr"],
+        "noted.zarr.runs.jsonl is in the way: it is no regular file; move it",
+    ),
     (["--set", "seed=2001-99-99"], "--set 'seed=2001-99-99': '2001-99-99' is not valid YAML: "),
     (["--set", "seed=!!int foo"], "'!!int foo' is not valid YAML: invalid literal for int()"),
     (["--config", "twice.yaml"], "line 2: key 'seed' is there twice; keep one of them"),

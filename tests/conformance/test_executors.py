@@ -14,9 +14,14 @@ import pytest
 from support import fake_blocks as blocks
 
 from grasp_factory.errors import RecipeError
-from grasp_factory.factory.executors import Executor, InlineExecutor, ProcessExecutor
+from grasp_factory.factory.executors import (
+    Executor,
+    InlineExecutor,
+    LimitedExecutor,
+    ProcessExecutor,
+)
 
-EXECUTORS: list[Executor] = [InlineExecutor(), ProcessExecutor(2)]
+EXECUTORS: list[Executor] = [InlineExecutor(), ProcessExecutor(2), LimitedExecutor(2)]
 pytestmark = pytest.mark.timeout(60)
 
 

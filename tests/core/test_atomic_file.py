@@ -15,6 +15,7 @@ def test_a_durable_write_syncs_the_content_before_the_name(tmp_path: Path) -> No
     with FaultyDisk(tmp_path, lambda done: False, errno.EIO, stays=False).installed() as disk:
         write_atomic(tmp_path / "file", b"new", durable=True)
     assert disk.done == [
+        "unlink file.partial",
         "write file.partial",
         "fsync file.partial",
         "replace file.partial",
@@ -26,7 +27,7 @@ def test_a_durable_write_syncs_the_content_before_the_name(tmp_path: Path) -> No
 def test_a_write_that_is_not_durable_syncs_nothing(tmp_path: Path) -> None:
     with FaultyDisk(tmp_path, lambda done: False, errno.EIO, stays=False).installed() as disk:
         write_atomic(tmp_path / "file", b"new")
-    assert disk.done == ["write file.partial", "replace file.partial"]
+    assert disk.done == ["unlink file.partial", "write file.partial", "replace file.partial"]
 
 
 @pytest.mark.parametrize("step", ["write", "fsync", "replace"])

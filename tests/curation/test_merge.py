@@ -31,6 +31,7 @@ from grasp_factory.core.atomic_file import write_atomic
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Outcome
+from grasp_factory.core.place import place_at
 from grasp_factory.core.platforms import FINGERPRINT, Fingerprint
 from grasp_factory.curation.merge import Collected, building, merge, split
 from grasp_factory.curation.merge.union import NOBODY, Rows, in_place, union
@@ -40,6 +41,7 @@ from grasp_factory.curation.verify import verify
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import (
     GraspFactoryError,
+    IrregularFileError,
     StoreBusyError,
     StoreError,
     StoreMismatchError,
@@ -115,7 +117,7 @@ def edit_attributes(path: Path, **changes: Any) -> None:
     document["attributes"] |= changes
     del document["attributes"][SEAL]
     write_atomic(path / "zarr.json", json.dumps(document).encode())
-    seal(path / "zarr.json")
+    seal(place_at(path / "zarr.json"))
 
 
 def run(*args: object, **more: Any) -> subprocess.CompletedProcess[str]:
@@ -695,7 +697,7 @@ class TestRefusals:
         out = tmp_path / "out"
         if into_a_directory:
             out.mkdir()
-        monkeypatch.setattr("grasp_factory.writers.zarr.writer.fsync", full)
+        monkeypatch.setattr("grasp_factory.writers.zarr.writer.fsync_places", full)
         with pytest.raises(StoreError, match="out cannot be written: No space left on device"):
             merge([stores / "even"], out)
         assert list(tmp_path.rglob("*")) == [out] * into_a_directory
@@ -768,14 +770,14 @@ class TestKilled:
 
         replaced = os.replace
 
-        def move(source: Any, target: Any) -> None:
-            if Path(target).parent == out and Path(target).name == "streams":
+        def move(source: str, target: str, *, src_dir_fd: int, dst_dir_fd: int) -> None:
+            if target == "streams" and os.readlink(f"/proc/self/fd/{dst_dir_fd}") == str(out):
                 raise Killed
-            replaced(source, target)
+            replaced(source, target, src_dir_fd=src_dir_fd, dst_dir_fd=dst_dir_fd)
 
         with monkeypatch.context() as patch:
             patch.setattr(os, "replace", move)
-            patch.setattr(shutil, "rmtree", lambda path: None)
+            patch.setattr(shutil, "rmtree", lambda path, dir_fd: None)
             with pytest.raises(Killed):
                 merge([stores / "whole"], out)
         assert not (out / "streams").exists()
@@ -794,11 +796,11 @@ class TestKilled:
             merge([stores / "even"], tmp_path / "out")
         (aside / "thesis.txt").rename(tmp_path / "thesis.txt")
         (aside / "3.0").symlink_to(tmp_path / "thesis.txt")
-        with pytest.raises(StoreMismatchError, match=r"in the way: it holds 3.0"):
+        with pytest.raises(IrregularFileError, match=r"3.0 is a link"):
             merge([stores / "even"], tmp_path / "out")
         aside.rename(tmp_path / "elsewhere")
         aside.symlink_to(tmp_path / "elsewhere")
-        with pytest.raises(StoreMismatchError, match=r"out.merging is in the way"):
+        with pytest.raises(IrregularFileError, match=r"out.merging is a link"):
             merge([stores / "even"], tmp_path / "out")
         assert (tmp_path / "thesis.txt").read_text() == "mine"
 

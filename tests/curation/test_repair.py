@@ -42,6 +42,7 @@ from support.stored import old_store
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.os_errors import HOW_TO_CONTINUE
+from grasp_factory.core.place import place_at, place_of
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.curation.merge import split
 from grasp_factory.curation.repair import rebuild, repair
@@ -63,6 +64,7 @@ from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr import layout, segment_packing
 from grasp_factory.writers.zarr.lock import StoreLock
 from grasp_factory.writers.zarr.metadata_checksum import seal, set_rows
+from grasp_factory.writers.zarr.writer import COMMITTED
 
 pytestmark = pytest.mark.slow
 
@@ -162,13 +164,13 @@ def test_a_whole_store_is_not_touched(
     assert {file: file.stat().st_mtime_ns for file in copy.rglob("*")} == times
 
 
-def test_episodes_that_are_whole_are_not_simulated(
-    store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("grasp_factory.factory.block_maker.run_episode", no_simulation)
+def test_episodes_that_are_whole_are_not_simulated(store: Path, copy: Path) -> None:
     for name in ("episodes/status/0", "episodes/checksum/1", "episodes/array_crc32c/2.0"):
         delete(name)(copy)
-    assert repair(copy).is_whole
+    result = repair(copy)
+    assert result.is_whole
+    committed = Dataset.open(store).column("status") == COMMITTED
+    assert not any(committed[made.episode] for made in result.remade)
     assert_same_tree(store, copy)
 
 
@@ -236,7 +238,7 @@ class TestTheNumberOfRows:
         monkeypatch.setattr("grasp_factory.factory.block_maker.run_episode", no_simulation)
         for file in documents(copy):
             if "shape" in json.loads(file.read_bytes()):
-                set_rows(file, rows)
+                set_rows(place_at(file), rows)
         found = verify(copy)
         assert found.episodes == N
         assert f"[{rows}] rows, the store has {N}" in str(found.problems[0])
@@ -278,6 +280,7 @@ def quarantined(store: Path) -> tuple[int, int]:
     raise AssertionError("no block has both")
 
 
+@pytest.mark.usefixtures("isolated")
 @pytest.mark.parametrize("is_marked", [False, *soak_only(True)])
 def test_rows_beside_a_broken_quarantine_are_kept(
     store: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, *, is_marked: bool
@@ -404,7 +407,7 @@ def test_a_list_of_arrays_with_digests_that_is_no_such_list_is_named_and_made_ag
     document = json.loads(file.read_bytes())
     document["attributes"]["arrays"] = change(document["attributes"]["arrays"])
     file.write_text(json.dumps(document))
-    seal(file)
+    seal(place_at(file))
     (problem,) = verify(copy).problems
     assert problem.what == "zarr.json does not list the array of each column"
     with pytest.raises(StoreError, match="no checksums of single arrays"):
@@ -767,11 +770,11 @@ class TestOnAnotherPlatform:
     def test_blocks_that_are_gone_are_left_unless_that_is_accepted(
         self, copy: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        for file in rebuild.files_of(copy, open_pieces(copy)[0], 1):
+        for file in rebuild.files_of(place_of(copy), open_pieces(copy)[0], 1):
             file.unlink(missing_ok=True)
         move(monkeypatch)
         (line,) = repair(copy).failed
-        assert "1 blocks cannot be made again" in line
+        assert "rows 4, 5, 6, 7 are of another platform and are not simulated here" in line
         assert "--accept-other-platform" in line
 
     def test_the_command_says_it_in_one_line_and_exits_with_1(

@@ -48,7 +48,13 @@ from grasp_factory.curation.verify import verification, verify
 from grasp_factory.curation.verify.deep import draw
 from grasp_factory.curation.verify.problems import REPAIR
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.errors import GraspFactoryError, StoreError, StoreMismatchError, UsageError
+from grasp_factory.errors import (
+    GraspFactoryError,
+    IrregularFileError,
+    StoreError,
+    StoreMismatchError,
+    UsageError,
+)
 from grasp_factory.factory.generate import generate
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr import chunks, segment_packing
@@ -231,6 +237,17 @@ def test_whole_blocks_that_are_swapped_are_found(copy: Path) -> None:
     assert {problem.advice for problem in problems} == {REPAIR}
 
 
+def test_a_label_of_more_rows_than_the_store_is_a_problem(copy: Path) -> None:
+    file = copy / "labels" / LABEL / "outcome" / "zarr.json"
+    document = json.loads(file.read_text())
+    document["shape"] = [10**9]
+    file.write_text(json.dumps(document))
+    (problem,) = verify(copy).problems
+    assert f"of 1000000000 rows, valid: up to {N}" in problem.what
+    with pytest.raises(StoreError, match="is of 1000000000 rows, valid: up to"):
+        Dataset.open(copy).label(LABEL)
+
+
 def rewrite(store: Path, paths: Iterable[str], **changed: Any) -> None:
     """Write arrays anew as another program may: without shards, with gzip, also other values."""
     root = zarr.open_group(store, mode="r+")
@@ -326,7 +343,7 @@ WRONG = {
 }
 
 
-def test_pipes_and_folders_for_files_are_named_and_mended(
+def test_pipes_are_refused_and_folders_for_files_are_mended(
     copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(segment_packing, "SEGMENT_BLOCKS", SEGMENT_BLOCKS)
@@ -338,6 +355,11 @@ def test_pipes_and_folders_for_files_are_named_and_mended(
                       for name, make in WRONG.items()}  # fmt: skip
     for _ in readings(copy):
         pass  # nothing hangs, and no error but ours passes
+    with pytest.raises(IrregularFileError, match="is no regular file; move it"):
+        repair(copy)
+    for name, make in WRONG.items():
+        if make == os.mkfifo:
+            (copy / name).unlink()
     repair(copy)
     assert tree(copy) == truth
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import pickle
 import shutil
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.fake_episodes import JOINTS, make_episode, make_rows, make_spec, small_config
+from support.opened_files import opened_shards
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
@@ -23,7 +25,6 @@ from grasp_factory.core.episode import Episode
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, StoreMismatchError, UnknownNameError, UsageError
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.zarr import chunks
 from grasp_factory.writers.zarr.store import prepare_store
 
 CONFIG = small_config()
@@ -211,9 +212,9 @@ class TestImagesOfSeveralEpisodes:
                 assert (images.dtype, images.shape) == (want.dtype, want.shape)
                 assert images.tobytes() == want.tobytes()
 
-    def test_open_each_shard_once(self, path: Path, opened: list[str]) -> None:
+    def test_open_each_shard_once(self, path: Path, opened: Counter[str]) -> None:
         Dataset.open(path).images([12, 0, 3, 7, 4, 1], "front", "rgb", 0)
-        assert len(opened) == 3
+        assert list(opened.values()) == [1, 1, 1]
 
     def test_have_the_noise_of_single_ones(self, path: Path) -> None:
         noisy = Dataset.open(path, noise="stereo", noise_seed=4)
@@ -326,23 +327,14 @@ def test_blocks_give_each_committed_episode_once_with_its_index(dataset: Dataset
 
 
 @pytest.fixture
-def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Return the list to which each shard's file is added when it is opened."""
-    files: list[str] = []
-    read = chunks.ShardFile.__init__
-
-    def note(shard: Any, file: str, count: int) -> None:
-        files.append(file)
-        read(shard, file, count)
-
-    monkeypatch.setattr(chunks.ShardFile, "__init__", note)
-    return files
+def opened(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    return opened_shards(monkeypatch)
 
 
-def test_blocks_read_each_shard_once(path: Path, opened: list[str]) -> None:
+def test_blocks_read_each_shard_once(path: Path, opened: Counter[str]) -> None:
     list(Dataset.open(path).iter_blocks())
     shards = [field for field in schema.expand(CONFIG) if field.length_column or field.is_image]
-    assert len(opened) == len(set(opened)) == 3 * len(shards)
+    assert list(opened.values()) == [1] * 3 * len(shards)
 
 
 def test_an_intact_episode_verifies(dataset: Dataset) -> None:

@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import sqlite3
+import struct
 import subprocess
 import sys
 import threading
@@ -23,6 +24,7 @@ import numpy as np
 import pytest
 from support.fake_episodes import JOINTS, make_rows, make_spec, small_config
 
+from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Outcome, names
 from grasp_factory.core.schema import STATUS
@@ -75,6 +77,15 @@ def built(store: Path, place: Path) -> list[dict[str, Any]]:
         return rows_of(index)
 
 
+def journal_of(index: Path, other: str) -> bytes:
+    """Return a journal that SQLite would play back, and that names another file to delete."""
+    data, magic = index.read_bytes(), bytes.fromhex("d9d505f920a163d7")
+    page, name = int.from_bytes(data[16:18]), other.encode()
+    head = magic + struct.pack(">5I", 0, 1, len(data) // page, 512, page)
+    end = struct.pack(">I", 0x40000000 // page + 1) + name
+    return head.ljust(512, b"\0") + end + struct.pack(">2I", len(name), sum(name)) + magic
+
+
 def tables_of(file: Path) -> dict[str, list[Any]]:
     """Return what an index holds, but for what says how often it was written."""
     with closing(sqlite3.connect(file)) as connection:
@@ -93,6 +104,11 @@ def tables_of(file: Path) -> dict[str, list[Any]]:
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a store that no test changes."""
     return make_store(tmp_path_factory.mktemp("index") / "plain.zarr")
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path_factory.mktemp("cache")))
 
 
 @pytest.fixture
@@ -243,7 +259,7 @@ class TestDerived:
 
     def test_it_is_made_anew_with_equal_rows(self, store: Path) -> None:
         AnnotationLog(store).append("me", [0, 5], [("tag", "odd"), ("quality", 2)])
-        place = default_path(store)
+        place = default_path([store])
         before = built(store, place)
         tables = tables_of(place)
         place.unlink()
@@ -256,14 +272,14 @@ class TestDerived:
             said = AnnotationLog(store).append("me", [3], [("tag", "rare"), ("note", "look")])
             index.annotated(0, said)
             assert index.ids(Query.parse(["tags=rare"])) == [(0, 3)]
-        default_path(store).unlink()
+        default_path([store]).unlink()
         with fresh([store]) as index:
             assert index.ids(Query.parse(["tags=rare", "note=look"])) == [(0, 3)]
 
     def test_a_history_of_changes_ends_where_a_new_index_begins(
         self, store: Path, tmp_path: Path
     ) -> None:
-        place, log, writer = default_path(store), AnnotationLog(store), ZarrWriter(store)
+        place, log, writer = default_path([store]), AnnotationLog(store), ZarrWriter(store)
         with fresh([store]) as index:
             log.append("me", [0, 1, 5], [("tag", "Ünusual"), ("quality", 1)])
             assert index.refresh() == 3
@@ -395,7 +411,7 @@ class TestFile:
 
     @pytest.mark.parametrize("content", [b"", b"some text", b"SQLite format 3\0" + bytes(200)])
     def test_a_file_that_is_no_index_is_left_alone(self, store: Path, content: bytes) -> None:
-        place = default_path(store)
+        place = default_path([store])
         place.write_bytes(content)
         for make in (lambda: fresh([store]), lambda: build([store], place), lambda: Index(place)):
             with pytest.raises(UsageError, match="is no index of grasp-factory"):
@@ -404,7 +420,7 @@ class TestFile:
         assert not list(place.parent.glob(".*"))
 
     def test_somebodys_database_is_left_alone(self, store: Path) -> None:
-        place = default_path(store)
+        place = default_path([store])
         with closing(sqlite3.connect(place)) as other:
             other.execute("CREATE TABLE precious (x)")
         with pytest.raises(UsageError, match="is no index of grasp-factory"):
@@ -412,18 +428,18 @@ class TestFile:
         assert place.stat().st_size > 0
 
     def test_an_index_of_another_version_is_made_anew(self, store: Path) -> None:
-        expected = built(store, default_path(store))
-        with closing(sqlite3.connect(default_path(store))) as old:
+        expected = built(store, default_path([store]))
+        with closing(sqlite3.connect(default_path([store]))) as old:
             old.execute("DROP TABLE episodes")
             old.execute("PRAGMA user_version = 99")
             assert old.execute("PRAGMA application_id").fetchone() == (APPLICATION_ID,)
         with pytest.raises(UsageError, match=r"another version .*: make|index STORE\.\.\. --out"):
-            fresh([default_path(store)])
+            fresh([default_path([store])])
         with fresh([store]) as index:
             assert rows_of(index) == expected
 
     def test_a_damaged_index_is_made_anew_or_says_what_to_do(self, store: Path) -> None:
-        place = default_path(store)
+        place = default_path([store])
         build([store], place)
         with fresh([store]) as index:
             expected = rows_of(index)
@@ -440,7 +456,7 @@ class TestFile:
         fresh([store]).close()
         moved = tmp_path / "moved.zarr"
         store.rename(moved)
-        default_path(store).rename(default_path(moved))
+        default_path([store]).rename(default_path([moved]))
         with pytest.raises(StoreError, match=r"there is no store at .*store\.zarr any more"):
             fresh([tmp_path / "i.sqlite"])
         with fresh([moved]) as index:
@@ -468,13 +484,13 @@ class TestFile:
     def test_a_folder_that_cannot_be_written(self, store: Path) -> None:
         fresh([store]).close()
         store.parent.chmod(0o500)
-        default_path(store).chmod(0o400)
+        default_path([store]).chmod(0o400)
         try:
             with fresh([store]) as index:
                 assert len(rows_of(index)) == 14
-            default_path(store).chmod(0o600)
+            default_path([store]).chmod(0o600)
             with pytest.raises(UsageError, match="--index FILE"):
-                build([store], default_path(store))
+                build([store], default_path([store]))
         finally:
             store.parent.chmod(0o700)
 
@@ -517,7 +533,7 @@ class TestFile:
         monkeypatch.chdir(store / "episodes")
         before = sorted(store.rglob("*"))
         with fresh([Path("..")]) as index:
-            assert index.path == default_path(store)
+            assert index.path == default_path([store])
         with pytest.raises(UsageError, match="it would lie in the store"):
             build([store], Path("../../" + store.name + "/i.sqlite"))
         assert sorted(store.rglob("*")) == before
@@ -530,7 +546,7 @@ class TestFile:
     def test_a_build_that_fails_leaves_the_old_one(
         self, store: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        place = default_path(store)
+        place = default_path([store])
         before = built(store, place)
 
         def stop(row: int) -> None:
@@ -552,22 +568,53 @@ class TestFile:
             partial.write_bytes(b"another build")
 
         monkeypatch.setattr(database, "move_into_place", move_and_begin)
-        place = default_path(store)
+        place = default_path([store])
         build([store], place)
         assert [file.read_bytes() for file in place.parent.glob(".*")] == [b"another build"]
 
-    def test_what_a_killed_writer_left_is_undone(self, store: Path) -> None:
-        place = default_path(store)
+    def test_an_index_that_a_killed_process_was_changing_is_built_again(self, store: Path) -> None:
+        place = default_path([store])
         before = built(store, place)
         code = (
-            "import os, sqlite3, sys; c = sqlite3.connect(sys.argv[1], isolation_level=None);"
-            "c.execute('PRAGMA cache_size = 1'); c.execute('BEGIN');"
-            "c.execute('UPDATE episodes SET error = hex(zeroblob(3000))'); os._exit(9)"
+            "import os, sys; from pathlib import Path;"
+            "from grasp_factory.dataset.index import database;"
+            "change = database.writing(Path(sys.argv[1])); c = change.__enter__();"
+            "c.execute('DELETE FROM episodes'); os._exit(9)"
         )
         assert subprocess.run([sys.executable, "-c", code, place], check=False).returncode == 9
-        assert place.with_name(f"{place.name}-journal").stat().st_size > 0
-        with Index(place) as index:
+        assert [file.name for file in place.parent.glob("*.sqlite*")] == [place.name]
+        inode = place.stat().st_ino
+        with fresh([store]) as index:
             assert rows_of(index) == before
+        assert place.stat().st_ino != inode
+
+    @pytest.mark.parametrize("is_named", [True, False])
+    def test_a_journal_that_somebody_put_beside_it_is_not_played_back(
+        self, store: Path, tmp_path: Path, is_named: bool
+    ) -> None:
+        place = tmp_path / "index.sqlite" if is_named else default_path([store])
+        before = built(store, place)
+        (tmp_path / "precious").write_text("mine")
+        journal = journal_of(place, str(tmp_path / "precious"))
+        place.with_name(f"{place.name}-journal").write_bytes(journal)
+        if is_named:
+            with pytest.raises(UsageError, match="was not built by you"):
+                fresh([store], place)
+            build([store], place)
+        with fresh([store], place if is_named else None) as index:
+            assert rows_of(index) == before
+        assert (tmp_path / "precious").read_text() == "mine"
+        assert not place.with_name(f"{place.name}-journal").exists()
+
+    @pytest.mark.parametrize("name", ["index.sqlite", ".index.sqlite.building"])
+    def test_a_second_name_of_another_file_is_not_written_to(
+        self, store: Path, tmp_path: Path, name: str
+    ) -> None:
+        (tmp_path / "precious").write_text("mine")
+        (tmp_path / name).hardlink_to(tmp_path / "precious")
+        with pytest.raises((UsageError, StoreError), match=r"index\.sqlite"):
+            build([store], tmp_path / "index.sqlite")
+        assert (tmp_path / "precious").read_text() == "mine"
 
 
 class TestSharing:
@@ -672,7 +719,7 @@ class TestCommands:
     def test_index_says_what_it_made(self, run: Run, store: Path, tmp_path: Path) -> None:
         code, out, err = run("index", store)
         assert (code, err) == (0, "")
-        assert out.startswith(f"{default_path(store)}: 14 rows of 1 store in ")
+        assert out.startswith(f"{default_path([store])}: 14 rows of 1 store in ")
         code, out, err = run("index", store, "--out", tmp_path / "i.sqlite", "--json")
         made = json.loads(out)
         assert (made["rows"], made["path"]) == (14, str(tmp_path / "i.sqlite"))
@@ -814,7 +861,3 @@ class TestCommands:
         assert (code, out) == (2, "")
         assert message in err
         assert err.count("\n") == 1
-
-    def test_several_stores_need_a_place(self, run: Run, store: Path, plain: Path) -> None:
-        code, _, err = run("index", store, plain)
-        assert (code, "--out FILE" in err) == (2, True)

@@ -242,6 +242,25 @@ class TestBlocksOfSomeRows:
         assert [episode.checksum() for episode in episodes] == want
 
 
+class TestLengths:
+    @pytest.mark.parametrize("column", ["n_steps", "n_imu"])
+    @pytest.mark.parametrize("length", [-5, -1, 2**31 - 1])
+    def test_that_no_time_series_has_are_refused(
+        self, column: str, length: int, tmp_path: Path
+    ) -> None:
+        store = shutil.copytree(TINY, tmp_path / "tiny.zarr")
+        array = zarr.open_array(store / "episodes" / column, mode="r+")
+        array[0] = length
+        damaged = Dataset.open(store)
+        message = f"episode 0 is damaged: episodes/{column}: got {length}, valid: 0 to "
+        with pytest.raises(StoreError, match=message):
+            damaged[0]
+        assert damaged[1].n_steps >= 0
+        if column == "n_steps":
+            with pytest.raises(StoreError, match=message):
+                damaged.series(0, "timestamp")
+
+
 class TestSplits:
     def test_are_the_rows_of_that_word(self, dataset: Dataset) -> None:
         for name in SPLITS:

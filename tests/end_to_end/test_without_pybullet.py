@@ -48,6 +48,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "tags": ("tiny.zarr",),
     "verify": ("tiny.zarr", "panda.zarr"),
     "repair": ("tiny.zarr", "no-metadata.zarr"),
+    "sign": ("tiny.zarr --key key",),
     "relabel": ("tiny.zarr --name strict --min-lift 0.12",),
     "merge": ("merged.zarr tiny.zarr",),
     "split": ("tiny.zarr few.zarr --episodes 0,2",),
@@ -132,6 +133,8 @@ def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
     faces = "1 2 4 3|5 7 8 6|1 5 6 2|3 4 8 7|1 3 7 5|2 6 8 4".split("|")
     text = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {face}" for face in faces]
     (folder / "meshes/cube.obj").write_text("\n".join(text))
+    command = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(folder / "key")]
+    subprocess.run(command, check=True)
     return folder
 
 

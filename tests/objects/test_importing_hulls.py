@@ -10,10 +10,11 @@ from support import nasty_meshes
 
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.geometry import Array
+from grasp_factory.objects.base import MAX_HULLS
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
 from grasp_factory.objects.importing.base import UnusableError
 from grasp_factory.objects.importing.convert import convert
-from grasp_factory.objects.importing.hulls import MAX_CORNERS, MAX_HULLS, convex_parts, reduced
+from grasp_factory.objects.importing.hulls import MAX_CORNERS, convex_parts, reduced
 from grasp_factory.objects.importing.mesh_reader import read_mesh
 from grasp_factory.objects.importing.messages import Converted, Job, Shape
 from grasp_factory.objects.importing.point_groups import joined

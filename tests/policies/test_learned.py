@@ -238,16 +238,21 @@ class TestImport:
         assert run("generate", "--config", tmp_path / "c.yaml", "--print-config")[1] == text
         assert digest(tiny_model(1)) in text
 
-    def test_without_torch_one_line_says_what_to_install(self, made: Path, tmp_path: Path) -> None:
+    def test_without_torch_a_replay_says_in_one_line_what_to_install(
+        self, made: Path, run: Any, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setitem(sys.modules, "torch", None)
+        code, _, said = run("replay", made, 0)
+        assert (code, said.count("\n")) == (2, 1)
+        assert "this needs torch, which is not installed" in said
+
+    def test_without_torch_one_line_says_what_to_install(self, tmp_path: Path) -> None:
         code = (
             "import sys; sys.modules['torch'] = None;"
             "from grasp_factory.__main__ import main; main()"
         )
         (tmp_path / "m").write_bytes(tiny_model(1))
-        for words in (
-            ("generate", *SMALL, "--policy", "learned", "--model", tmp_path / "m"),
-            ("replay", made, 0),
-        ):
+        for words in (("generate", *SMALL, "--policy", "learned", "--model", tmp_path / "m"),):
             command = [sys.executable, "-c", code, *map(str, words)]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             assert done.returncode == 2

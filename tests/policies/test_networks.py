@@ -417,6 +417,10 @@ class TestFiles:
         [
             (TOUCH_FILE[:-4], "its contents do not fit a model of kind touch: "),
             (TOUCH_FILE + b"\0" * 8, "its contents do not fit a model of kind touch: "),
+            (
+                with_settings(TOUCH_FILE, lambda s: s.update(slope=10**400)),
+                "its contents do not fit a model of kind touch: ",
+            ),
             (with_settings(TOUCH_FILE, lambda s: s.update(kind="both")),
              "its contents do not fit a model of kind both: "),
             (with_settings(TOUCH_FILE, lambda s: s.update(crop={"size": 2})),

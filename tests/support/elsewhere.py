@@ -12,6 +12,7 @@ import pytest
 import zarr
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.place import place_at
 from grasp_factory.core.platforms import FINGERPRINT, Fingerprint
 from grasp_factory.simulation import fingerprint as measuring
 from grasp_factory.simulation.fingerprint import fingerprint
@@ -33,7 +34,7 @@ def set_attributes(store: Path, attributes: Mapping[str, object]) -> None:
     document = json.loads(file.read_bytes())
     document["attributes"] |= attributes
     file.write_text(json.dumps(document))
-    seal(file)
+    seal(place_at(file))
 
 
 def set_texts(store: Path, texts: Mapping[int, str]) -> None:

@@ -84,7 +84,7 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
             series[group][name] = _random(rng, row, shape)
         elif group == "cameras":
             camera, name = name.split("/")
-            cameras[camera][name] = _random(rng, row, shape)
+            cameras[camera][name] = _calibrated(name, _random(rng, row, shape))
         elif name not in _OWN:
             value = _random(rng, row, shape)
             columns[name] = value if value.ndim else value.item()
@@ -126,6 +126,13 @@ _OWN = (
     *("status", "checksum", "array_crc32c", "success", "outcome", "spec", "error", "seed", "index"),
     *("fingerprint", *(group.count for group in series_groups())),
 )
+
+
+def _calibrated(name: str, values: Any) -> Any:
+    """Return values of a camera; its calibration has no holes and positive intrinsics."""
+    if name == "intrinsics":
+        return np.abs(np.nan_to_num(values)) + 1.0
+    return np.nan_to_num(values) if name == "T_world_camera" else values
 
 
 def _random(rng: np.random.Generator, row: schema.Field, shape: tuple[int, ...]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import contextlib
 import io
 import os
@@ -12,7 +13,7 @@ from typing import Any
 from unittest import mock
 
 CALLS = ("fsync", "replace", "mkdir", "open", "unlink", "rmdir", "pwrite", "ftruncate")
-"""Functions of ``os`` that change a disk, or wait for it; ``io.open`` is the other one."""
+"""Functions of ``os`` that change a disk, or wait for it; ``open`` is the other one."""
 
 
 class _Short(io.FileIO):
@@ -25,6 +26,10 @@ class _Short(io.FileIO):
     def write(self, data: Any) -> int:
         super().write(memoryview(data).cast("B")[: memoryview(data).nbytes // 2])
         raise OSError(self._error, os.strerror(self._error))
+
+
+def _path_of(descriptor: int) -> str:
+    return os.readlink(f"/proc/self/fd/{descriptor}")
 
 
 class FaultyDisk:
@@ -51,7 +56,8 @@ class FaultyDisk:
         with contextlib.ExitStack() as stack:
             for name in CALLS:
                 stack.enter_context(mock.patch.object(os, name, self._wrapped(name)))
-            stack.enter_context(mock.patch.object(io, "open", self._opened(io.open)))
+            for module in (io, builtins):
+                stack.enter_context(mock.patch.object(module, "open", self._opened(io.open)))
             yield self
 
     def _wrapped(self, name: str) -> Callable[..., Any]:
@@ -59,7 +65,9 @@ class FaultyDisk:
 
         def call(first: Any, *args: Any, **more: Any) -> Any:
             is_reading = name == "open" and not (args and args[0] & (os.O_WRONLY | os.O_RDWR))
-            if not is_reading and self._fails(name, first):
+            above = next((more[key] for key in ("dir_fd", "src_dir_fd") if more.get(key)), None)
+            file = first if above is None else os.path.join(_path_of(above), first)
+            if not is_reading and self._fails(name, file):
                 raise OSError(self._error, os.strerror(self._error), str(first))
             return real(first, *args, **more)
 
@@ -76,7 +84,7 @@ class FaultyDisk:
 
     def _fails(self, what: str, file: Any) -> bool:
         try:
-            name = os.readlink(f"/proc/self/fd/{file}") if isinstance(file, int) else file
+            name = _path_of(file) if isinstance(file, int) else file
             name = os.path.abspath(os.fspath(name))
         except OSError:
             return False

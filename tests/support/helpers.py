@@ -23,7 +23,8 @@ def assert_same_tree(a: Path, b: Path) -> None:
     """Fail, naming the files, unless two trees hold the same files with the same bytes."""
     left, right = tree(a), tree(b)
     assert sorted(left) == sorted(right)
-    assert [name for name in left if left[name] != right[name]] == []
+    differ = [name for name in left if left[name] != right[name]]
+    assert differ == []
 
 
 def pending_blocks(path: Path, n: int) -> list[int]:

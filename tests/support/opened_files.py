@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from grasp_factory.core.place import Place
 from grasp_factory.writers.zarr import chunks
 
 
@@ -15,9 +16,9 @@ def opened_shards(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     opened: Counter[str] = Counter()
     read = chunks.ShardFile.__init__
 
-    def note(shard: Any, file: str, count: int) -> None:
-        opened[file] += 1
-        read(shard, file, count)
+    def note(shard: Any, folder: Place, name: str, count: int) -> None:
+        opened[str(folder / name)] += 1
+        read(shard, folder, name, count)
 
     monkeypatch.setattr(chunks.ShardFile, "__init__", note)
     return opened

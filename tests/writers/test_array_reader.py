@@ -16,6 +16,7 @@ from support.fake_episodes import JOINTS, make_rows, small_config
 from support.places import TINY
 
 from grasp_factory.core import schema
+from grasp_factory.core.place import place_at, place_of
 from grasp_factory.errors import StoreError
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr.array_reader import (
@@ -25,6 +26,7 @@ from grasp_factory.writers.zarr.array_reader import (
     ThroughZarr,
     stored,
 )
+from grasp_factory.writers.zarr.atomic_store import AtomicStore
 from grasp_factory.writers.zarr.store import prepare_store
 
 VIEW = {"eye": [1.0, 0.0, 0.5], "target": [0.5, 0.0, 0.0]}
@@ -43,7 +45,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def arrays(path: Path) -> dict[str, zarr.Array[Any]]:
-    root: Any = zarr.open_group(path, mode="r")
+    root: Any = zarr.open_group(AtomicStore(place_of(path), read_only=True), mode="r")
     return {name: node for name, node in root.members(None) if isinstance(node, zarr.Array)}
 
 
@@ -64,7 +66,7 @@ class TestWhatIsRead:
     @pytest.mark.slow
     def test_is_what_zarr_reads_for_any_rows(self, path: Path) -> None:
         for name, array in arrays(path).items():
-            mine, n = stored(array, path / name), array.shape[0]
+            mine, n = stored(array), array.shape[0]
             assert isinstance(mine, ColumnFiles | ShardFiles), name
             for start, stop in ((0, n), (0, 1), (n - 1, n), (2, n - 1), (1, 3), (2, 2)):
                 assert same(mine.read(start, stop), array[start:stop]), (name, start, stop)
@@ -75,13 +77,13 @@ class TestWhatIsRead:
                 continue
             rows = np.array([array.shape[0] - 1, 0, 2, 0])
             for frame in range(min(2, array.shape[1])):
-                got = stored(array, path / name).read_frames(rows, frame)
+                got = stored(array).read_frames(rows, frame)
                 want = np.stack([array[int(i)][frame] for i in rows]).astype(array.dtype)
                 assert same(got, want), name
 
     def test_may_be_changed(self, path: Path) -> None:
-        for name, array in arrays(path).items():
-            got = stored(array, path / name).read(0, 1)
+        for array in arrays(path).values():
+            got = stored(array).read(0, 1)
             got[...] = got[::-1]
 
 
@@ -104,9 +106,10 @@ def test_any_other_layout_is_left_to_zarr(tmp_path: Path, layout: dict[str, Any]
         **{"chunks": (4, 6), "compressors": [zarr.codecs.ZstdCodec()]},
         "chunk_key_encoding": keys,
     }
-    array = zarr.create_array(tmp_path / "a", shape=(5, 6), dtype="f8", **(ours | layout))
+    store = AtomicStore(place_at(tmp_path / "a"))
+    array = zarr.create_array(store, shape=(5, 6), dtype="f8", **(ours | layout))
     array[:] = values
-    mine = stored(array, tmp_path / "a")
+    mine = stored(array)
     assert isinstance(mine, ThroughZarr)
     assert same(mine.read(1, 5), values[1:5])
     assert same(mine.read_frames([4, 0], 2), values[[4, 0], 2])
@@ -125,9 +128,9 @@ def own(small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 class TestDamagedBytes:
     @staticmethod
     def open(own: Path, name: str) -> tuple[StoredArray, zarr.Array[Any], Path, bytes]:
-        array = zarr.open_array(own, path=name, mode="r")
+        array = zarr.open_array(AtomicStore(place_of(own)), path=name, mode="r")
         file = own / name / ("0" + ".0" * (array.ndim - 1))
-        return stored(array, own / name), array, file, file.read_bytes()
+        return stored(array), array, file, file.read_bytes()
 
     @settings(max_examples=60)
     @given(data=st.data())
@@ -196,11 +199,11 @@ def test_a_chunk_that_is_too_short_is_an_error_and_not_filled_up_by_chance(own: 
 def test_a_chunk_that_was_never_written_is_its_fill_value(small: Path) -> None:
     for name in ("streams/tcp_pose", "episodes/spec", "cameras/left/rgb"):
         array = arrays(small)[name]
-        assert same(stored(array, small / name).read(8, 12), array[8:12])
+        assert same(stored(array).read(8, 12), array[8:12])
         assert not (small / name / ("2" + ".0" * (array.ndim - 1))).exists()
 
 
 @pytest.mark.slow
 def test_every_array_of_the_schema_is_read_directly(small: Path) -> None:
     for row in schema.expand(CONFIG):
-        assert not isinstance(stored(arrays(small)[row.path], small / row.path), ThroughZarr)
+        assert not isinstance(stored(arrays(small)[row.path]), ThroughZarr)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import struct
 import warnings
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,13 @@ from hypothesis import strategies as st
 from support.fake_episodes import JOINTS, make_rows, small_config
 from support.helpers import assert_same_tree, pending_blocks, tree
 
+from grasp_factory.core.place import place_of
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import StoreError
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.zarr import segment_packing
-from grasp_factory.writers.zarr.column_segments import FOLDER, coded, segments
+from grasp_factory.writers.zarr import column_segments, segment_packing
+from grasp_factory.writers.zarr.column_segments import FOLDER, apart, coded, segments
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.segment_packing import is_time_to_pack, pack
 from grasp_factory.writers.zarr.sizes import store_bytes
@@ -71,7 +73,7 @@ def columns(path: Path) -> dict[str, list[Any]]:
 
 
 def names(path: Path) -> list[str]:
-    return sorted(segment.file.name for segment in segments(path))
+    return sorted(segment.file.name for segment in segments(place_of(path)))
 
 
 class TestPackedColumns:
@@ -163,6 +165,32 @@ class TestDamagedSegments:
         (path / FOLDER / "0-1.npz").write_bytes(b"")
         assert columns(path) == columns(loose)
 
+    def test_that_share_blocks_with_another_are_not_read(self, loose: Path, path: Path) -> None:
+        shutil.copy(path / FOLDER / "4-5.npz", path / FOLDER / "0-3.npz")
+        shutil.copy(path / FOLDER / "4-5.npz", path / FOLDER / "00-1.npz")
+        assert names(path) == ["0-1.npz", "0-3.npz", "4-5.npz"]
+        assert len(list(apart(segments(place_of(path))))) == 2
+        assert columns(path) == columns(loose)
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            lambda old: old[:-2] + b"\x01\x00x",  # a comment
+            lambda old: old[:-22] + b"PK\x06\x07" + bytes(16) + old[-22:],  # a larger directory
+            lambda old: old[:-10] + struct.pack("<I", 2**31) + old[-6:],  # its bytes
+            lambda old: old[:-14] + struct.pack("<HH", 9999, 9999) + old[-10:],  # its members
+        ],
+    )
+    def test_with_a_directory_that_none_has_are_not_opened(
+        self, loose: Path, path: Path, change: Any, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        want, opened = columns(loose), []
+        for file in (path / FOLDER).glob("*.npz"):
+            file.write_bytes(change(file.read_bytes()))
+        monkeypatch.setattr(column_segments, "ZipFile", opened.append)
+        assert columns(path) == want
+        assert opened == []
+
     def test_never_run_code(self, loose: Path, path: Path, tmp_path: Path) -> None:
         mark = tmp_path / "it ran"
 
@@ -211,17 +239,17 @@ class TestPacking:
         self, loose: Path, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, renames: int
     ) -> None:
         out = Path(shutil.copytree(loose, tmp_path / "out"))
-        replace, left = Path.replace, renames
+        replace, left = os.replace, renames
 
-        def kill(self: Path, target: Path) -> Path:
+        def kill(*names: str, **folders: int) -> None:
             nonlocal left
             if left == 0:
                 raise Crash
             left -= 1
-            return replace(self, target)
+            replace(*names, **folders)
 
         with monkeypatch.context() as patch, pytest.raises(Crash):
-            patch.setattr(Path, "replace", kill)
+            patch.setattr(os, "replace", kill)
             pack(out)
         assert list(out.rglob("*.partial"))
         assert columns(out) == columns(loose)
@@ -281,7 +309,11 @@ class TestABlockThatIsWrittenAgain:
         for name in ("listdir", "scandir"):
             real = getattr(os, name)
             monkeypatch.setattr(
-                os, name, lambda folder=".", real=real: listed.append(str(folder)) or real(folder)
+                os,
+                name,
+                lambda folder, real=real: (
+                    listed.append(os.readlink(f"/proc/self/fd/{folder}")) or real(folder)
+                ),
             )
         ZarrWriter(path).write_block(5, make_rows(CONFIG, 5, N))
         assert set(listed) <= {str(path / FOLDER)}

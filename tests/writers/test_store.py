@@ -113,8 +113,9 @@ def crash_at_move(moves: int, into: Path) -> Any:
     replace = os.replace
     crash = crash_after(moves, replace)
 
-    def wrapped(source: Any, target: Any) -> None:
-        (crash if Path(target).parent == into else replace)(source, target)
+    def wrapped(source: Any, target: Any, **at: Any) -> None:
+        folder = os.readlink(f"/proc/self/fd/{at['dst_dir_fd']}")
+        (crash if folder == str(into) else replace)(source, target, **at)
 
     return wrapped
 
@@ -619,3 +620,16 @@ def test_a_directory_that_may_not_be_entered_is_named(
     assert str(caught.value) == (
         f"{tmp_path / 'out'} cannot be used: Permission denied; choose another path"
     )
+
+
+@pytest.mark.parametrize("content", [b"", bytes(10), bytes(4096), b"host 12\n"])
+@pytest.mark.parametrize("name", ["lock", "shard-3-of-9.lock"])
+def test_a_lock_that_is_a_second_name_of_a_file_is_not_written_to(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 3, {})
+    (tmp_path / "mine").write_bytes(content)
+    (tmp_path / f".out.grasp-factory.{name}").hardlink_to(tmp_path / "mine")
+    with pytest.raises(StoreMismatchError, match="is in the way"), StoreLock(tmp_path / "out"):
+        pass
+    assert (tmp_path / "mine").read_bytes() == content

@@ -20,6 +20,7 @@ from support.scale import scaled, soak_only
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode
+from grasp_factory.core.place import Place
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers import ZarrWriter
@@ -174,9 +175,9 @@ def test_a_crash_before_any_array_leaves_the_block_pending_and_redone_to_the_sam
     write_all(tmp_path / "want", CONFIG, 2)
     write_all(tmp_path / "out", CONFIG, 2)
     writer, rows = ZarrWriter(tmp_path / "out"), make_rows(CONFIG, 0, 2, quarantined=(1,))
-    write, left = zarr_module.write_atomic, 0
+    write, left = Place.write, 0
 
-    def crash_when_none_is_left(file: Path, data: bytes) -> None:
+    def crash_when_none_is_left(file: Place, data: bytes) -> None:
         nonlocal left
         if left == 0:
             raise Crash
@@ -188,7 +189,7 @@ def test_a_crash_before_any_array_leaves_the_block_pending_and_redone_to_the_sam
         left = survivors
         (tmp_path / "out/episodes/status/0").unlink(missing_ok=True)  # else its rows are kept
         with monkeypatch.context() as patch, pytest.raises(Crash):
-            patch.setattr(zarr_module, "write_atomic", crash_when_none_is_left)
+            patch.setattr(Place, "write", crash_when_none_is_left)
             writer.write_block(0, rows)
         assert pending_blocks(tmp_path / "out", 2) == [0], f"after {survivors} arrays"
         if survivors % 8 == 0 or survivors == arrays - 1:
@@ -203,14 +204,14 @@ sys.path.insert(0, {tests!r})
 from support.fake_episodes import make_rows, small_config
 from grasp_factory.writers import ZarrWriter
 writer, rows = ZarrWriter(Path({path!r})), make_rows(small_config(block_size=2), 0, 2, (1,))
-left, replace = {survivors}, Path.replace
-def kill_when_none_is_left(self, target):  # LocalStore has written aside and is about to rename
+left, replace = {survivors}, os.replace
+def kill_when_none_is_left(*names, **folders):  # the file is written aside and gets its name now
     global left
     if left == 0:
         os.kill(os.getpid(), signal.SIGKILL)
     left -= 1
-    return replace(self, target)
-Path.replace = kill_when_none_is_left
+    return replace(*names, **folders)
+os.replace = kill_when_none_is_left
 writer.write_block(0, rows)
 """
 
@@ -267,20 +268,20 @@ def test_everything_is_on_the_disk_before_the_block_is_committed(
 ) -> None:
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 2, {})
     writer, events = ZarrWriter(tmp_path / "out"), []
-    write, sync = zarr_module.write_atomic, zarr_module.fsync
+    write, sync = Place.write, zarr_module.fsync_places
 
-    def log_write(file: Path, data: bytes) -> None:
-        events.append(("write", str(file.parent.relative_to(tmp_path / "out"))))
+    def log_write(file: Place, data: bytes) -> None:
+        events.append(("write", file.parent.inner))
         write(file, data)
 
     def log_sync(paths: Any) -> None:
         paths = list(paths)
-        names = [str(path.relative_to(tmp_path / "out")) for path in paths]
+        names = [path.inner for path in paths]
         events.extend(("sync", name) for name in names)
         sync(paths)
 
-    monkeypatch.setattr(zarr_module, "write_atomic", log_write)
-    monkeypatch.setattr(zarr_module, "fsync", log_sync)
+    monkeypatch.setattr(Place, "write", log_write)
+    monkeypatch.setattr(zarr_module, "fsync_places", log_sync)
     for _ in range(2):
         events.clear()
         writer.write_block(0, make_rows(CONFIG, 0, 2))

@@ -32,7 +32,7 @@ PARTS: Mapping[str, tuple[tuple[Any, str], ...]] = {
     "inspect": ((rollout, "inspect_episode"),),
     "label, streams": ((block_maker, "run_episode"),),
     "encode": ((writer.ZarrWriter, "write_block"),),
-    "write (fsync)": ((writer, "fsync"),),
+    "write (fsync)": ((writer, "fsync_places"),),
     "open, close, count": ((generate, "generate"),),
 }
 """By name: the functions whose own time it is, without that of the parts they call."""

@@ -15,21 +15,21 @@ FAULTS = (
     Fault(
         "directories-not-synced",
         "writers/zarr/writer.py",
-        "fsync([*written, *(self.path / field.path for field in fields)])",
-        "fsync(written)",
+        "fsync_places([*written, *(self._place / field.path for field in fields)])",
+        "fsync_places(written)",
         ("writers/test_writers.py", "writers/test_disk_faults.py"),
     ),
     Fault(
         "stale-segment-kept-by-a-write",
         "writers/zarr/writer.py",
-        "        unpack_block(self.path, block)\n",
+        "        unpack_block(self._place, block)\n",
         "",
         ("writers/test_column_segments.py",),
     ),
     Fault(
         "lock-on-a-removed-file",
         "core/locked_file.py",
-        "if has_name(descriptor, file):",
+        "if has_name(descriptor, file, folder):",
         "if descriptor:",
         ("core/test_locked_file.py", "writers/test_store.py"),
     ),
@@ -66,8 +66,8 @@ FAULTS = (
     Fault(
         "annotations-appended-without-a-lock",
         "dataset/annotations/log_file.py",
-        "open_locked(file, flags=os.O_APPEND, mode=0o666, check=check)",
-        "open_locked(file, flags=os.O_APPEND, mode=0o666, check=check, shared=True)",
+        "flags=os.O_APPEND, mode=0o666, check=check, folder=folder",
+        "flags=os.O_APPEND, mode=0o666, check=check, folder=folder, shared=True",
         ("dataset/test_annotations.py",),
     ),
     Fault(
