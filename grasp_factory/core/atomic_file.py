@@ -113,11 +113,6 @@ def _at_once(wait: Callable[[T], None], items: Iterable[T]) -> None:
             pass  # raises the exception of a failed fsync
 
 
-def fsync_tree(root: Path) -> None:
-    """Wait until everything below ``root``, and ``root`` itself, is on the disk."""
-    fsync([*root.rglob("*"), root])
-
-
 def _fsync(path: Path) -> None:
     _fsync_descriptor(lambda: os.open(path, os.O_RDONLY))
 

@@ -45,7 +45,8 @@ class Place:
         self.root, self.inner = root, inner
 
     def __truediv__(self, inner: str) -> Place:
-        return Place(self.root, f"{self.inner}/{inner}" if self.inner else inner)
+        is_below = self.inner and inner
+        return Place(self.root, f"{self.inner}/{inner}" if is_below else self.inner or inner)
 
     def __str__(self) -> str:
         return str(self.path)

@@ -60,7 +60,7 @@ def checked_arrays(
         raise StoreError(f"{path} has no checksums of single arrays: open it without checked=True")
     store = place_of(path)
     for name in ("", *arrays):
-        if not is_sealed(store / name / "zarr.json" if name else store / "zarr.json"):
+        if not is_sealed(store / name / "zarr.json"):
             raise StoreError(f"{path} is damaged: zarr.json of {name or 'the root'}; {_ADVICE}")
     try:
         check_lengths(path, arrays)

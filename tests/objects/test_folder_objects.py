@@ -10,36 +10,15 @@ from typing import Any
 
 import pytest
 from support.helpers import assert_same_tree
+from support.tiny_archive import COLLISION, GEOMETRY, ITEM, VISUAL
 
 from grasp_factory.core.cache import VARIABLE, cache_dir, digest, write
 from grasp_factory.errors import ConfigError, StoreError, UsageError
 from grasp_factory.objects.base import Compound
-from grasp_factory.objects.folder import ConvexPart, FolderObject, Geometry, Manifest, load_folder
+from grasp_factory.objects.folder import ConvexPart, Manifest, load_folder
 from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
 from grasp_factory.objects.folder_cache import manifest_path, mesh_path
 
-COLLISION = (
-    b"o part_0\nv 0 0 0\nv 0.05 0 0\nv 0 0.05 0\nv 0 0 0.05\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-)
-VISUAL = b"o seen\nv 0 0 0\nv 0.05 0 0\nv 0 1e-05 -0.05\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\n"
-GEOMETRY = Geometry(
-    lower=(0.0, 0.0, 0.0),
-    upper=(0.05, 0.05, 0.05),
-    com=(0.0125, 0.0125, 0.0125),
-    axes_xyzw=(0.0, 0.0, 0.0, 1.0),
-    gyration_squared=(1e-4, 1e-4, 1e-4),
-    collision=digest(COLLISION),
-    visual=digest(VISUAL),
-    hulls=1,
-)
-ITEM = FolderObject(
-    family="mesh",
-    shape_sha256=digest(b"a source"),
-    mass=0.1,
-    lateral_friction=0.5,
-    color=(0.5, 0.5, 0.5),
-    geometry=GEOMETRY,
-)
 MANIFEST = Manifest(objects={"a": ITEM, "Größe/b": dataclasses.replace(ITEM, family="Größe")})
 TEXT = MANIFEST.encoded()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import zipfile
 
@@ -14,6 +15,26 @@ COLLISION = (
 VISUAL = b"o seen\nv 0 0 0\nv 0.05 0 0\nv 0 1e-05 -0.05\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\n"
 
 
+GEOMETRY = Geometry(
+    lower=(0.0, 0.0, 0.0),
+    upper=(0.05, 0.05, 0.05),
+    com=(0.0125, 0.0125, 0.0125),
+    axes_xyzw=(0.0, 0.0, 0.0, 1.0),
+    gyration_squared=(1e-4, 1e-4, 1e-4),
+    collision=digest(COLLISION),
+    visual=digest(VISUAL),
+    hulls=1,
+)
+ITEM = FolderObject(
+    family="mesh",
+    shape_sha256=digest(b"a source"),
+    mass=0.1,
+    lateral_friction=0.5,
+    color=(0.5, 0.5, 0.5),
+    geometry=GEOMETRY,
+)
+
+
 def manifest(collision: bytes = COLLISION) -> bytes:
     """Return the manifest of an object with this mesh and a box."""
     box = ConvexPart(
@@ -22,26 +43,8 @@ def manifest(collision: bytes = COLLISION) -> bytes:
         position=(0.0, 0.0, 0.0),
         quat_xyzw=(0.0, 0.0, 0.0, 1.0),
     )
-    geometry = Geometry(
-        lower=(0.0, 0.0, 0.0),
-        upper=(0.05, 0.05, 0.05),
-        com=(0.0125, 0.0125, 0.0125),
-        axes_xyzw=(0.0, 0.0, 0.0, 1.0),
-        gyration_squared=(1e-4, 1e-4, 1e-4),
-        collision=digest(collision),
-        visual=digest(VISUAL),
-        solids=(box,),
-        hulls=1,
-    )
-    item = FolderObject(
-        family="cup",
-        shape_sha256=digest(b"a source"),
-        mass=0.1,
-        lateral_friction=0.5,
-        color=(0.5, 0.5, 0.5),
-        geometry=geometry,
-    )
-    return Manifest(objects={"a": item}).encoded()
+    geometry = dataclasses.replace(GEOMETRY, collision=digest(collision), solids=(box,))
+    return Manifest(objects={"a": dataclasses.replace(ITEM, geometry=geometry)}).encoded()
 
 
 def archive(collision: bytes = COLLISION, told: bytes = b"") -> bytes:

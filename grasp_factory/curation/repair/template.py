@@ -82,8 +82,7 @@ class Template:
         Raises:
             StoreError: if a folder with other files has its path.
         """
-        file = self.place / name / FILE if name else self.place / FILE
-        self._write_document(name, file.read_bytes(DOCUMENT))
+        self._write_document(name, (self.place / name / FILE).read_bytes(DOCUMENT))
 
     def give_empty_group(self, name: str) -> None:
         """Write the ``zarr.json`` of a group without attributes into the store."""

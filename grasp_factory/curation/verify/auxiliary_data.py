@@ -263,7 +263,7 @@ def thresholds_of(path: Path, name: str) -> Any:
     """Return the thresholds of an added label from its first intact part; None without any."""
     for part in ("", *LABEL_COLUMNS):
         place = place_of(path) / LABELS / name
-        document, fault = read_document(place / part / FILE if part else place / FILE)
+        document, fault = read_document(place / part / FILE)
         if not fault and "thresholds" in document["attributes"]:
             return json.loads(json.dumps(document["attributes"]["thresholds"]))
     return None

@@ -37,7 +37,7 @@ def log_file(store: Path) -> Place:
 
 @contextlib.contextmanager
 def reading(store: Path) -> Iterator[int | None]:
-    """Yield the descriptor of a store's log, open for reading; None if there is none.
+    """Yield the descriptor of a store's log, open for reading; None if it has no log.
 
     Raises:
         StoreError: if it cannot be read, is no regular file, or the path contains a link.

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from grasp_factory.core.atomic_file import fsync_tree
 from grasp_factory.core.output_file import is_in_store
+from grasp_factory.core.place import place_at
+from grasp_factory.core.place_tree import fsync_tree
 from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.errors import StoreError, UsageError
 from grasp_factory.writers.exporters.base import EpisodeSource, ExportContents, Exporter, ExportJob
@@ -69,7 +70,7 @@ def run_export(
             )
             contents = exporter.write(job)
             size = _bytes_of(built)
-            fsync_tree(built)
+            fsync_tree(place_at(built))
             _publish(built, out)
     except OSError as error:
         raise StoreError(f"{out} cannot be written: {error.strerror or error}") from None

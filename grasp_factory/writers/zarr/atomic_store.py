@@ -116,8 +116,7 @@ class AtomicStore(Store):
 
     async def list_dir(self, prefix: str) -> AsyncIterator[str]:
         """See ``zarr.abc.store.Store.list_dir``."""
-        inner = prefix.rstrip("/")
-        for found in (self.place / inner if inner else self.place).glob("*"):
+        for found in (self.place / prefix.rstrip("/")).glob("*"):
             yield found.name
 
 

@@ -166,7 +166,7 @@ def place_in(node: zarr.Group | zarr.Array[Any]) -> Place:
     """Return the place of a group or an array of a store."""
     store = node.store
     assert isinstance(store, AtomicStore)
-    return store.place / node.path if node.path else store.place
+    return store.place / node.path
 
 
 def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
