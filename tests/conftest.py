@@ -14,8 +14,8 @@ from support.scale import scaled
 
 from grasp_factory.__main__ import main
 from grasp_factory.core.cache import VARIABLE
+from grasp_factory.core.executors import InlineExecutor
 from grasp_factory.curation import isolation
-from grasp_factory.factory.executors import InlineExecutor
 
 # The same examples in every run, and no clock.
 settings.register_profile(

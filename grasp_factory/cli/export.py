@@ -1,9 +1,10 @@
-"""The command that writes a dataset in the format of another tool: ``export``."""
+"""The command that writes datasets in the format of another tool: ``export``."""
 
 # ruff: noqa: PLC0415
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,26 +12,29 @@ import click
 
 from grasp_factory.cli.params import AS_JSON, Command, option
 from grasp_factory.cli.printing import print_json, say
-from grasp_factory.cli.row_choice import chosen_rows, row_options
+from grasp_factory.cli.row_choice import chosen_of_each, row_options
 from grasp_factory.core.config.yaml_loader import parse_yaml
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.core.text_format import count, size_text, table
+from grasp_factory.core.splits import SPLITS
+from grasp_factory.core.text_format import count, size_text
 from grasp_factory.errors import UsageError, lookup, shown
 
 if TYPE_CHECKING:
+    from grasp_factory.writers.exporters import ExportContents, Exporter
     from grasp_factory.writers.exporters.exporting import Exported
 
 
 @click.command(
     cls=Command,
     examples=(
-        "grasp-factory export",
-        "grasp-factory export --json",
+        "grasp-factory export --list",
+        "grasp-factory export grasps.zarr frames --to article",
+        "grasp-factory export grasps.zarr shards --to webdataset --split train --workers 2",
     ),
 )
-@click.argument("path", required=False, type=click.Path(path_type=Path))
-@click.argument("out", required=False, type=click.Path(path_type=Path))
-@option("--format", "name", metavar="NAME", help="Format, see `grasp-factory export`.")
+@click.argument("paths", metavar="STORE... OUT", nargs=-1, type=click.Path(path_type=Path))
+@option("--to", "name", metavar="FORMAT", help="Format, see --list.")
+@option("--list", "as_list", is_flag=True, help="List the formats: what each has and leaves out.")
 @option(
     "--option",
     "assignments",
@@ -38,43 +42,62 @@ if TYPE_CHECKING:
     multiple=True,
     help="Set an option of the format to a YAML value. Repeatable.",
 )
+@option(
+    "--workers",
+    metavar="N",
+    type=click.IntRange(1, 256),
+    default=1,
+    show_default=True,
+    help="Worker processes. The files do not depend on it.",
+)
 @row_options
+@option(
+    "--split",
+    metavar="NAME",
+    type=click.Choice(SPLITS),
+    heading="Choice of episodes",
+    help=f"Episodes of a split: {', '.join(SPLITS)}.",
+)
 @AS_JSON
 def export(
-    path: Path | None,
-    out: Path | None,
+    paths: tuple[Path, ...],
     *,
     name: str | None,
+    as_list: bool,
     assignments: tuple[str, ...],
+    workers: int,
+    split: str | None,
+    where: tuple[str, ...],
     as_json: bool,
     **rows: Any,
 ) -> None:
     """Export episodes to another format.
 
-    Without arguments, lists the formats. With PATH, OUT and --format, writes episodes of the store
-    at PATH to OUT, which must not exist. Writes all episodes, or those that all of --episodes,
-    --ids and --where choose.
+    Writes the episodes of one or several stores that all of --episodes, --ids, --where and --split
+    choose, or all episodes, to the folder OUT. OUT must not exist; it appears when it is complete.
+    Beside the data, grasp_factory.json says which rows it has and what is left out.
     """
     from grasp_factory.writers.exporters import EXPORTERS
 
-    if path is None:
-        _print_formats({key: row.description for key, row in EXPORTERS.items()}, as_json=as_json)
+    if as_list:
+        _print_formats(EXPORTERS.values(), as_json=as_json)
         return
-    if out is None or name is None:
+    if len(paths) < 2 or name is None:
         raise UsageError(
-            "export needs PATH, OUT and --format; `grasp-factory export` lists the formats"
+            "export needs STORE, OUT and --to; `grasp-factory export --list` lists the formats"
         )
     exporter = lookup(EXPORTERS, "format", name)
-    from grasp_factory.cli.bars import Counter
+    from grasp_factory.cli.bars import counted
     from grasp_factory.dataset.dataset import Dataset
     from grasp_factory.writers.exporters.exporting import run_export
 
-    dataset = Dataset.open(path, checked=True)
-    chosen = chosen_rows(dataset, **rows)
-    every = dataset.committed.tolist() if chosen is None else chosen
+    *stores, out = paths
+    datasets = [Dataset.open(path, checked=True) for path in stores]
+    conditions = (*where, f"split={split}") if split else where
+    chosen = zip(datasets, chosen_of_each(datasets, where=conditions, **rows), strict=True)
     settings = _settings(assignments)
-    with Counter(len(every), "episode") as counter:
-        found = run_export(exporter, dataset, every, out, settings, on_episode=counter.count)
+    with counted("on_episode") as hooks:
+        found = run_export(exporter, list(chosen), out, settings, workers=workers, **hooks)
     if as_json:
         print_json(to_plain(found) | {"path": str(found.path)})
     else:
@@ -91,16 +114,41 @@ def _settings(assignments: tuple[str, ...]) -> dict[str, Any]:
     return found
 
 
-def _print_formats(formats: dict[str, str], *, as_json: bool) -> None:
+def _print_formats(exporters: Iterable[Exporter], *, as_json: bool) -> None:
     if as_json:
-        print_json(formats)
-    else:
-        say(table(formats.items()) if formats else "This version has no export formats.")
+        print_json({row.name: _facts(row) for row in exporters})
+        return
+    say("\n\n".join(_format_text(row) for row in exporters))
+
+
+def _facts(exporter: Exporter) -> dict[str, Any]:
+    return {
+        "description": exporter.description,
+        "extra": exporter.extra,
+        "options": to_plain(exporter.settings({})),
+        **to_plain(exporter.contents),
+    }
+
+
+def _format_text(exporter: Exporter) -> str:
+    needs = f" (pip install 'grasp-factory[{exporter.extra}]')" if exporter.extra else ""
+    settings = to_plain(exporter.settings({}))
+    lines = [f"{exporter.name}: {exporter.description}{needs}"]
+    if settings:
+        lines.append(f"  options: {', '.join(f'{k}={v}' for k, v in settings.items())}")
+    return "\n".join([*lines, *(f"  {line}" for line in _contents_lines(exporter.contents))])
+
+
+def _contents_lines(contents: ExportContents) -> list[str]:
+    return [
+        f"has: {', '.join(contents.written) or 'nothing but the record of the episodes'}",
+        *(f"leaves out: {what}, because {why}" for what, why in contents.left_out.items()),
+        *(f"{case}: {what}" for case, what in contents.treatment.items()),
+    ]
 
 
 def _exported_text(found: Exported) -> str:
     head = f"{found.path}: {count(found.episodes, 'episode')} as {found.format}"
     lines = [f"{head}, {size_text(found.bytes)}"]
-    lines += [f"written: {what}" for what in found.contents.written]
-    lines += [f"left out: {what}, because {why}" for what, why in found.contents.left_out.items()]
-    return "\n".join(lines)
+    lines += [f"{count(n, 'episode')} left out: {why}" for why, n in found.excluded.items()]
+    return "\n".join([*lines, *_contents_lines(found.contents)])

@@ -84,6 +84,47 @@ def chosen_rows(
     return _common([*lists, *(_matching(dataset, condition) for condition in where)])
 
 
+def chosen_of_each(
+    datasets: Sequence[Dataset], *, episodes: str | None, ids: TextIO | None, where: tuple[str, ...]
+) -> list[list[int]]:
+    """Return the rows of each dataset that all options choose; all its episodes without options.
+
+    Args:
+        datasets: One or several.
+        episodes: Indices as in I,J,..., for one dataset only.
+        ids: See ``read_lines``; for several datasets each line names its store.
+        where: Conditions on columns.
+
+    Raises:
+        UsageError: for a text that is not valid, or lists without a row of these stores.
+        UnknownNameError: for an unknown column.
+    """
+    if len(datasets) == 1:
+        rows = chosen_rows(datasets[0], episodes=episodes, ids=ids, where=where)
+        return [datasets[0].committed.tolist() if rows is None else rows]
+    from grasp_factory.dataset.selection import read_lines, rows_of
+
+    if episodes is not None:
+        raise UsageError("--episodes: valid for one store only; use --ids with lines STORE:ROW")
+    lines = None if ids is None else read_lines(ids)
+    if lines and not all(path for path, _ in lines):
+        raise UsageError("--ids: valid for several stores: lines STORE:ROW, got one without STORE")
+    chosen = []
+    for dataset in datasets:
+        there = dataset.committed.tolist()
+        lists = [there if lines is None else _with_episode(rows_of(lines, dataset.path), dataset)]
+        lists += [_matching(dataset, condition) for condition in where]
+        chosen.append(_common(lists) or [])
+    return chosen
+
+
+def _with_episode(rows: list[int], dataset: Dataset) -> list[int]:
+    from grasp_factory.dataset.selection import with_episode
+    from grasp_factory.writers.zarr.writer import COMMITTED
+
+    return with_episode(rows, dataset.status == COMMITTED, dataset.path)
+
+
 def _common(lists: Sequence[list[int]]) -> list[int] | None:
     """Return the rows that are in every list, in the first one's order; None without lists."""
     if not lists:

@@ -13,12 +13,12 @@ from tqdm import tqdm  # type: ignore[import-untyped]
 from grasp_factory.cli.bars import Counter
 from grasp_factory.cli.printing import say
 from grasp_factory.cli.run_report import plan_text
+from grasp_factory.core.executors import ProcessExecutor
 from grasp_factory.core.text_format import escaped, percent
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.factory import dry_run
 from grasp_factory.factory.block_job import Made
-from grasp_factory.factory.executors import ProcessExecutor
 from grasp_factory.factory.generate import RunPlan, Summary, generate
 from grasp_factory.factory.run_request import Request
 

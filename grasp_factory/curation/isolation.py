@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from grasp_factory.core.executors import Executor, LimitedExecutor
 from grasp_factory.core.limits import MEMORY
-from grasp_factory.factory.executors import Executor, LimitedExecutor
 
 SILENT_S = 120.0
 """Seconds after which a worker counts as stuck; its limit of CPU time ends it before."""

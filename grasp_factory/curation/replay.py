@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory.core.episode import Episode
+from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.platforms import (
     Fingerprint,
     differing,
@@ -26,7 +27,6 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.selection import check_index
 from grasp_factory.errors import RecipeError, StoreError
 from grasp_factory.factory import embedded_assets
-from grasp_factory.factory.executors import SendMessage
 from grasp_factory.simulation.fingerprint import fingerprint
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World

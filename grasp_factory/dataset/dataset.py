@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import zarr
@@ -30,6 +30,9 @@ from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.field_arrays import open_arrays
 from grasp_factory.writers.zarr.header import SOURCES, open_store
 from grasp_factory.writers.zarr.label_columns import added_columns, added_labels, read_label
+
+if TYPE_CHECKING:
+    from grasp_factory.writers.exporters.exporting import Exported
 
 
 class Dataset(EpisodeViews):
@@ -221,6 +224,38 @@ class Dataset(EpisodeViews):
         """Return every array of the store by its path, including added labels."""
         own = {path: array.zarr for path, array in self._arrays.items()}
         return {**own, **added_columns(self.path)}
+
+    def export(
+        self,
+        to: str,
+        out: Path | str,
+        rows: Iterable[int] | None = None,
+        *,
+        workers: int = 1,
+        **settings: Any,
+    ) -> Exported:
+        """Write episodes in the format of another tool to the folder ``out``.
+
+        Args:
+            to: the format; ``grasp-factory export --list`` lists all of them.
+            out: the folder to create; it must not exist.
+            rows: rows that hold an episode, in the order of the export; None for all of them.
+            workers: number of processes; the files do not depend on it.
+            **settings: options of the format.
+
+        Raises:
+            UnknownNameError: for an unknown format.
+            UsageError: for a place that is taken, a missing library, a row without an episode, or
+                episodes that the format cannot hold.
+            ConfigError: for an invalid setting.
+            StoreError: if the store is damaged, or the disk fails or is full.
+        """
+        from grasp_factory.writers.exporters import EXPORTERS  # noqa: PLC0415
+        from grasp_factory.writers.exporters.exporting import run_export  # noqa: PLC0415
+
+        exporter = lookup(EXPORTERS, "format", to)
+        chosen = self.committed.tolist() if rows is None else [int(row) for row in rows]
+        return run_export(exporter, [(self, chosen)], Path(out), settings, workers=workers)
 
     def verify(self, index: int) -> bool:
         """Return whether an episode's values match its checksum.

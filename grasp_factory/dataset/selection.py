@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TextIO
 
@@ -17,21 +18,18 @@ LONGEST_LINE = 10_000
 """Maximum number of characters that are read as a line: /dev/zero contains no line break."""
 
 
-def read_selection(file: TextIO, store: Path) -> list[int]:
-    """Return the rows of a store that a file lists, in its order.
+def read_lines(file: TextIO) -> list[tuple[str, int]]:
+    """Return the store's path, or an empty text, and the row of each line of a list.
 
-    A line is ROW or STORE:ROW, where STORE is a path. Empty lines are skipped. Lines of other
-    stores are left out, and a warning reports how many.
+    A line is ROW or STORE:ROW, where STORE is a path. Empty lines are skipped.
 
     Args:
         file: The file, which errors name.
-        store: The store whose rows are returned.
 
     Raises:
-        UsageError: naming the first invalid line, or if all lines are of other stores.
+        UsageError: naming the first invalid line.
     """
-    rows, others = [], 0
-    same: dict[str, bool] = {}
+    found = []
     try:
         lines = iter(lambda: file.readline(LONGEST_LINE), "")
         for number, line in enumerate(lines, start=1):
@@ -42,20 +40,39 @@ def read_selection(file: TextIO, store: Path) -> list[int]:
             if not _is_row(row) or (colon and not path):
                 what = f"--ids {file.name}: line {number}: got {shown(word)}"
                 raise UsageError(f"{what}, valid: one episode index a line, such as 17")
-            if path and path not in same:
-                same[path] = _is_same(path, store)
-            if same.get(path, True):
-                rows.append(int(row))
-            else:
-                others += 1
+            found.append((path, int(row)))
     except UnicodeDecodeError:
         raise UsageError(f"--ids {file.name}: it is no text, valid: an index a line") from None
+    return found
+
+
+def read_selection(file: TextIO, store: Path) -> list[int]:
+    """Return the rows of a store that a file lists, in its order; see ``read_lines``.
+
+    Lines of other stores are left out, and a warning reports how many.
+
+    Args:
+        file: The file, which errors name.
+        store: The store whose rows are returned.
+
+    Raises:
+        UsageError: naming the first invalid line, or if all lines are of other stores.
+    """
+    lines = read_lines(file)
+    rows = rows_of(lines, store)
+    others = len(lines) - len(rows)
     if others:
-        what = f"--ids {file.name}: {others} of {others + len(rows)} lines are of other stores"
+        what = f"--ids {file.name}: {others} of {len(lines)} lines are of other stores"
         if not rows:
-            raise UsageError(f"{what}, none of {store}: the first is {shown(next(iter(same)))}")
+            raise UsageError(f"{what}, none of {store}: the first is {shown(lines[0][0])}")
         warnings.warn(f"{what} than {store} and left out", GraspFactoryWarning, stacklevel=2)
     return rows
+
+
+def rows_of(lines: Iterable[tuple[str, int]], store: Path) -> list[int]:
+    """Return the rows of those lines that name this store or no store."""
+    is_mine = cache(lambda path: not path or _is_same(path, store))
+    return [row for path, row in lines if is_mine(path)]
 
 
 def with_episode(rows: Sequence[int], there: Sequence[bool], store: Path) -> list[int]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.os_errors import HOW_TO_CONTINUE, MACHINE_ERRNOS, NO_THREAD
 from grasp_factory.dataset.row_reader import RowReader, StoredRow
 from grasp_factory.errors import LimitError, RecipeError, StoreError
@@ -22,7 +23,6 @@ from grasp_factory.factory.block_job import (
     block_range,
     summary_of,
 )
-from grasp_factory.factory.executors import SendMessage
 from grasp_factory.policies.model_registry import find_model
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.fingerprint import fingerprint

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.executors import JOBS_PER_PROCESS, Executor, make_executor
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Made, shard_rows
@@ -21,7 +22,6 @@ from grasp_factory.factory.dry_run_pilots import (
     relative_error,
     run_pilot_blocks,
 )
-from grasp_factory.factory.executors import JOBS_PER_PROCESS, Executor, make_executor
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.platform_check import check_platform
 from grasp_factory.factory.run_request import Request

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from grasp_factory.core.executors import Executor, SendMessage
 from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import StoreSummary, summarise
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made
 from grasp_factory.factory.block_maker import BlockMaker
-from grasp_factory.factory.executors import Executor, SendMessage
 from grasp_factory.factory.generate import origin_attributes
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.run_request import Request

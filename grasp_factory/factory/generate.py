@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.executors import ProcessExecutor, make_executor
 from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.dataset.dataset import Dataset
@@ -21,7 +22,6 @@ from grasp_factory.errors import StoreBusyError
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made, shard_rows
 from grasp_factory.factory.block_maker import BlockMaker
-from grasp_factory.factory.executors import ProcessExecutor, make_executor
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.platform_check import check_platform, warn_of_other_versions
 from grasp_factory.factory.retry_policy import Failures, Losses

@@ -47,7 +47,7 @@ OWNERS = {
     "trimesh": {"objects/importing", "simulation/make_link_hulls.py"},
     "coacd": {"objects/importing"},
     "tqdm": {"cli/bars.py", "cli/run_progress.py"},
-    "multiprocessing": {"factory/executors"},
+    "multiprocessing": {"core/executors"},
     "torch": {"apps/learning", "policies/networks", "torch.py"},
     "rerun": {"apps/rerun"},
     "safetensors": {"policies/networks"},

@@ -27,10 +27,10 @@ from grasp_factory.apps.pictures import preview
 from grasp_factory.cli.main import generate as generate_command
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.yaml_loader import parse_yaml
+from grasp_factory.core.executors import ProcessExecutor
 from grasp_factory.curation import relabel
 from grasp_factory.errors import StoreError, StoreMismatchError, UsageError
 from grasp_factory.factory import generate
-from grasp_factory.factory.executors import ProcessExecutor
 from grasp_factory.factory.run_log import RunLog
 from grasp_factory.factory.run_request import Request, resolve_request
 from grasp_factory.writers.zarr.lock import StoreLock

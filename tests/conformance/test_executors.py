@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 from support import fake_blocks as blocks
 
-from grasp_factory.errors import RecipeError
-from grasp_factory.factory.executors import (
+from grasp_factory.core.executors import (
     Executor,
     InlineExecutor,
     LimitedExecutor,
     ProcessExecutor,
 )
+from grasp_factory.errors import RecipeError
 
 EXECUTORS: list[Executor] = [InlineExecutor(), ProcessExecutor(2), LimitedExecutor(2)]
 pytestmark = pytest.mark.timeout(60)

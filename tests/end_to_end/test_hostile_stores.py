@@ -47,6 +47,7 @@ LINES: Mapping[str, tuple[str, ...]] = {
     "sheet": ("{store} {out}/s.png",),
     "plot": ("{store} 0 {out}/p.png",),
     "rerun": ("{store} 0 --out {out}/r.rrd",),
+    "export": ("{store} {out}/export --to webdataset",),
     "repair": ("{store} --workers 1",),
     "index": ("{store} --out {out}/i.sqlite",),
     "sign": ("{store} --key {key}",),
@@ -63,7 +64,7 @@ SIMULATING: Mapping[str, tuple[str, ...]] = {
 """What may simulate a recipe, and takes longer."""
 WITHOUT_STORE = {
     *("preview", "objects", "robots", "policies", "cameras", "sensors", "check-physics"),
-    *("export", "flywheel"),  # there is no format yet; it makes its own stores
+    "flywheel",  # it makes its own stores
 }
 """Commands that read no store of others."""
 PAGES = (

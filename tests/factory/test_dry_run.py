@@ -18,13 +18,13 @@ from grasp_factory.cli.main import cli
 from grasp_factory.cli.run_report import forecast_text
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.executors import JOBS_PER_PROCESS, InlineExecutor
 from grasp_factory.core.text_format import duration_text
 from grasp_factory.errors import RecipeError, StoreMismatchError
 from grasp_factory.factory import block_maker, dry_run, dry_run_pilots, generate
 from grasp_factory.factory.block_job import Made
 from grasp_factory.factory.dry_run import forecast, makespan, wilson
 from grasp_factory.factory.dry_run_pilots import FEWEST, Pilot, is_enough, relative_error
-from grasp_factory.factory.executors import JOBS_PER_PROCESS, InlineExecutor
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.world import World
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import errno
-import itertools
+import json
 import multiprocessing
 import os
 import signal
@@ -20,53 +20,39 @@ from support.fake_episodes import JOINTS, make_rows, small_config
 from support.faulty_disk import FaultyDisk
 from support.helpers import tree
 
-from grasp_factory.core.episode import Episode
+from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreError, UsageError
-from grasp_factory.writers.exporters import Exporter, ExportJob
+from grasp_factory.writers.exporters import Exporter, base
 from grasp_factory.writers.exporters.exporting import Exported, run_export
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
-CONFIG = small_config(video_hz=5)
 N = 6
 QUARANTINED = 4
 ROWS = (3, 0, 5)
 """Not in order, and not all."""
 
 
-def make_store(path: Path) -> Dataset:
-    """Write a store with two blocks, videos and a quarantined row, and open it as exports do."""
-    prepare_store(path, CONFIG, JOINTS, N, {})
+def cameras(*names: str) -> dict[str, Any]:
+    """Return the settings of predefined cameras."""
+    return {name: to_plain(CAMERAS[name].config) for name in names}
+
+
+def make_store(path: Path, **changes: Any) -> Dataset:
+    """Write a store with two blocks, two cameras, videos, two objects and a quarantined row."""
+    config = small_config(
+        **{"video_hz": 5, "clutter": {"count": 2}, "cameras": cameras("front", "wrist"), **changes}
+    )
+    prepare_store(path, config, JOINTS, N, {})
     for block in (0, 1):
-        ZarrWriter(path).write_block(block, make_rows(CONFIG, block, N, (QUARANTINED,)))
+        ZarrWriter(path).write_block(block, make_rows(config, block, N, (QUARANTINED,)))
     return Dataset.open(path, checked=True)
 
 
-class Witness:
-    """A dataset that notes which rows are read, in the order in which each is first read."""
-
-    def __init__(self, dataset: Dataset) -> None:
-        self._dataset, self.rows = dataset, list[int]()
-
-    def __getattr__(self, name: str) -> Any:
-        found = getattr(self._dataset, name)
-        return self._noting(found) if name in ("spec", "value", "image", "series") else found
-
-    def __getitem__(self, index: int) -> Episode:
-        return self._noting(self._dataset.__getitem__)(index)
-
-    def _noting(self, read: Callable[..., Any]) -> Callable[..., Any]:
-        def call(index: int, *args: Any) -> Any:
-            if index not in self.rows:
-                self.rows.append(index)
-            return read(index, *args)
-
-        return call
-
-
 def export_until_killed(exporter: Exporter, dataset: Dataset, out: Path) -> None:
-    run_export(exporter, dataset, ROWS, out, {}, on_episode=kill_this_process)
+    run_export(exporter, [(dataset, ROWS)], out, {}, on_episode=kill_this_process)
 
 
 def kill_this_process() -> None:
@@ -89,14 +75,14 @@ def occupant(path: Path) -> tuple[bool, bool, str]:
 class ExporterContract:
     """What every exporter does.
 
-    - It creates ``job.out`` and nothing else beside it.
-    - It writes every chosen row, in the given order, and calls ``on_episode`` once per episode.
+    - It fills ``job.folder`` and creates nothing beside it.
+    - It writes every chosen episode that it can hold, and calls ``on_episode`` once for each.
     - It says of every array of the store whether it is written, or why it is left out.
-    - The same rows give the same bytes; another order gives other bytes.
+    - The same rows yield the same bytes, for any number of workers; another order, other bytes.
     - It leaves the store as it is.
     - It refuses an unknown setting with the valid ones.
     - It leaves nothing behind when anything fails: the disk, the user's Ctrl-C, a damaged store.
-      Of a killed process only a hidden folder stays.
+      Of a killed process only a hidden folder stays, which the next run removes.
     - It overwrites nothing, also nothing that appears at the place while it runs.
     """
 
@@ -111,60 +97,78 @@ class ExporterContract:
         return tmp_path / "exports"
 
     @pytest.fixture
-    def out(self, folder: Path, exporter: Exporter) -> Path:
-        return folder / f"out{exporter.suffix}"
+    def out(self, folder: Path) -> Path:
+        return folder / "out"
+
+    @pytest.fixture(autouse=True)
+    def small_parts(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(base, "EPISODES_PER_PART", 2)
 
     @pytest.fixture
-    def export(self, exporter: Exporter, dataset: Dataset, out: Path) -> Callable[..., Exported]:
+    def settings(self, exporter: Exporter) -> dict[str, Any]:
+        names = {field.name for field in dataclasses.fields(exporter.parameters)}
+        return {name: 2 for name in names & {"episodes_per_shard"}}
+
+    @pytest.fixture
+    def export(
+        self, exporter: Exporter, dataset: Dataset, settings: dict[str, Any], out: Path
+    ) -> Callable[..., Exported]:
         def export(rows: Any = ROWS, path: Path = out, **more: Any) -> Exported:
-            return run_export(exporter, dataset, rows, path, {}, **more)
+            return run_export(exporter, [(dataset, rows)], path, settings, **more)
 
         return export
 
     def test_it_creates_what_was_asked_for_and_nothing_beside_it(
-        self, exporter: Exporter, dataset: Dataset, out: Path
+        self, export: Callable[..., Exported], out: Path
     ) -> None:
-        settings = exporter.settings({})
-        exporter.write(ExportJob(source=dataset, rows=ROWS, out=out, settings=settings))
+        export()
         assert [path.name for path in out.parent.iterdir()] == [out.name]
-        assert out.is_file() is bool(exporter.suffix)
-        assert exporter.suffix == exporter.suffix.lower()
+        assert {"grasp_factory.json", "grasp_factory_episodes.jsonl"} < set(tree(out))
 
-    def test_it_reads_the_chosen_rows_in_their_order_and_counts_each(
-        self, exporter: Exporter, dataset: Dataset, out: Path
-    ) -> None:
-        witness, counted = Witness(dataset), list[int]()
-        run_export(
-            exporter, witness, ROWS, out, {}, on_episode=lambda: counted.append(len(witness.rows))
-        )
-        assert witness.rows == list(ROWS)
-        assert len(counted) == len(ROWS)
-        assert all(seen > i for i, seen in enumerate(counted))
-
-    def test_it_reports_what_it_made(
+    def test_it_counts_each_episode_and_reports_what_it_made(
         self, exporter: Exporter, export: Callable[..., Exported], out: Path
     ) -> None:
-        found = export()
-        assert (found.path, found.format, found.episodes) == (out, exporter.name, len(ROWS))
-        assert found.bytes == sum(len(data) for data in contents(out).values()) > 0
+        totals, counted = list[int](), list[int]()
+        found = export(on_start=totals.append, on_episode=lambda: counted.append(0))
+        assert (found.path, found.format) == (out, exporter.name)
+        assert totals == [found.episodes] == [len(counted)]
+        assert found.episodes + sum(found.excluded.values()) == len(ROWS)
+        assert found.bytes == sum(len(data) for data in tree(out).values())
 
     def test_every_array_is_written_or_left_out_for_a_reason(
-        self, export: Callable[..., Exported], dataset: Dataset
+        self, exporter: Exporter, dataset: Dataset
     ) -> None:
-        found = export().contents
-        assert found.written
-        assert found.not_mentioned(dataset) == []
-        assert all(found.left_out.values())
+        assert exporter.contents.not_mentioned(dataset.fields) == []
+        assert all([*exporter.contents.left_out.values(), *exporter.contents.treatment.values()])
+
+    def test_it_says_which_rows_it_has(
+        self, export: Callable[..., Exported], dataset: Dataset, out: Path
+    ) -> None:
+        found = export()
+        record = json.loads((out / "grasp_factory.json").read_text())
+        lines = (out / "grasp_factory_episodes.jsonl").read_text().splitlines()
+        episodes = [json.loads(line) for line in lines]
+        assert record["episodes"] == len(episodes) == found.episodes
+        assert {name: len(rows) for name, rows in record["excluded"].items()} == found.excluded
+        lost = {row for rows in record["excluded"].values() for _, row in rows}
+        assert sorted(line["episode"] for line in episodes) == list(range(found.episodes))
+        in_order = sorted(episodes, key=lambda line: int(line["episode"]))
+        assert [line["row"] for line in in_order] == [row for row in ROWS if row not in lost]
+        for line in episodes:
+            assert line["checksum"] == dataset.value(line["row"], "checksum")
+            episode = dataset[line["row"]]
+            assert line["columns"]["outcome"] == episode.outcome.name.lower()
+            assert line["columns"]["spec"] == to_plain(episode.spec)
 
     def test_the_same_rows_give_the_same_bytes_and_another_order_others(
         self, export: Callable[..., Exported], out: Path
     ) -> None:
         first, again, other = (out.with_stem(name) for name in ("a", "b", "c"))
         export(path=first)
-        export(path=again)
+        export(path=again, workers=2)
         export(ROWS[::-1], path=other)
-        assert contents(first) == contents(again)
-        assert contents(first) != contents(other)
+        assert tree(first) == tree(again)
+        assert tree(first) != tree(other)
 
     def test_the_store_stays_as_it_was(
         self, export: Callable[..., Exported], dataset: Dataset
@@ -178,7 +182,7 @@ class ExporterContract:
     ) -> None:
         valid = ", ".join(field.name for field in dataclasses.fields(exporter.parameters)) or "none"
         with pytest.raises(ConfigError) as caught:
-            run_export(exporter, dataset, ROWS, out, {"nonsense": 1})
+            run_export(exporter, [(dataset, ROWS)], out, {"nonsense": 1})
         assert str(caught.value).startswith(f"unknown key '{exporter.name}.nonsense'")
         assert str(caught.value).endswith(f"(valid: {valid})")
         assert not out.exists()
@@ -187,7 +191,7 @@ class ExporterContract:
     def test_a_disk_that_fails_at_any_call_leaves_nothing(
         self, export: Callable[..., Exported], folder: Path, out: Path, error: int
     ) -> None:
-        for failures in itertools.count():
+        for failures in (0, 1, *(2**k for k in range(1, 20))):
             calls = iter(range(failures))
             first = lambda _done, calls=calls: next(calls, None) is None  # noqa: E731
             with FaultyDisk(folder, first, error, stays=False).installed() as disk:
@@ -215,11 +219,11 @@ class ExporterContract:
             if is_data:
                 file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
         with pytest.raises(StoreError, match="damaged"):
-            run_export(exporter, dataset, ROWS, folder / f"out{exporter.suffix}", {})
+            run_export(exporter, [(dataset, ROWS)], folder / "out", {})
         assert list(folder.iterdir()) == []
 
-    def test_of_a_killed_process_only_a_hidden_folder_stays(
-        self, exporter: Exporter, dataset: Dataset, out: Path
+    def test_of_a_killed_process_only_a_hidden_folder_stays_which_the_next_run_removes(
+        self, exporter: Exporter, export: Callable[..., Exported], dataset: Dataset, out: Path
     ) -> None:
         spawn = multiprocessing.get_context("spawn")
         process = spawn.Process(target=export_until_killed, args=(exporter, dataset, out))
@@ -229,6 +233,8 @@ class ExporterContract:
         (left,) = out.parent.iterdir()
         assert left.is_dir()
         assert left.name.startswith(f".{out.name}.exporting-")
+        export()
+        assert list(out.parent.iterdir()) == [out]
 
     @pytest.mark.parametrize("what", OCCUPANTS)
     def test_what_is_there_is_not_overwritten(
@@ -254,11 +260,6 @@ class ExporterContract:
         assert list(out.parent.iterdir()) == [out]
         if what == "a file":
             assert out.read_text() == "mine"
-
-
-def contents(path: Path) -> dict[str, bytes]:
-    """Return the bytes of a file, or of every file of a folder."""
-    return {"": path.read_bytes()} if path.is_file() else tree(path)
 
 
 def disk_outcome(export: Callable[..., Exported]) -> str | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from grasp_factory.core import schema
 from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.place import Place
 from grasp_factory.core.platforms import Fingerprint, difference, fingerprint_of, parsed
 from grasp_factory.curation.repair.recovery import recipe, recovered
@@ -18,7 +19,6 @@ from grasp_factory.curation.verify.partial_store import PartialStore, open_piece
 from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import StoreError
 from grasp_factory.factory.block_job import Begun, BlockJob, summary_of
-from grasp_factory.factory.executors import SendMessage
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr.layout import block_files
 from grasp_factory.writers.zarr.writer import COMMITTED, ZarrWriter

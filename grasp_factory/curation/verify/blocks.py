@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory.core import schema
+from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.platforms import is_fingerprint
 from grasp_factory.curation.verify.contents import (
     behind_problems,
@@ -29,7 +30,6 @@ from grasp_factory.curation.verify.partial_store import PartialStore, open_piece
 from grasp_factory.curation.verify.problems import GENERATE, REPAIR, Problem
 from grasp_factory.dataset.row_codec import Row
 from grasp_factory.dataset.row_integrity import QUARANTINE_PATHS
-from grasp_factory.factory.executors import SendMessage
 from grasp_factory.writers.zarr.layout import block_files
 from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
 

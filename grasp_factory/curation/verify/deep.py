@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.platforms import PARTS, meaning
 from grasp_factory.curation import isolation
 from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.errors import GraspFactoryError, StoreError
-from grasp_factory.factory.executors import SendMessage
 
 if TYPE_CHECKING:
     from grasp_factory.curation.replay import Replay

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from grasp_factory.core.executors import Executor, InlineExecutor, ProcessExecutor
 from grasp_factory.core.optional import require_pybullet
 from grasp_factory.core.platforms import PARTS, differing, fingerprint_of, meaning, parsed
 from grasp_factory.core.serialization import check, is_integer
@@ -26,7 +27,6 @@ from grasp_factory.curation.verify.foreign_chunks import rewritten_findings
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.curation.verify.problems import Problem, VerifyReport
 from grasp_factory.errors import StoreError
-from grasp_factory.factory.executors import Executor, InlineExecutor, ProcessExecutor
 from grasp_factory.factory.run_request import MAX_EPISODES, MAX_WORKERS
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.made_with import changed_since

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, NoSettings
+from grasp_factory.writers.exporters.article import ARTICLE
+from grasp_factory.writers.exporters.base import (
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+    NoSettings,
+)
+from grasp_factory.writers.exporters.webdataset import WEBDATASET
 
-EXPORTERS: Mapping[str, Exporter] = {}
+EXPORTERS: Mapping[str, Exporter] = {row.name: row for row in (ARTICLE, WEBDATASET)}
 
-__all__ = ["EXPORTERS", "ExportContents", "ExportJob", "Exporter", "NoSettings"]
+__all__ = ["EXPORTERS", "ExportContents", "ExportJob", "ExportPart", "Exporter", "NoSettings"]

@@ -2,111 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.episode import Episode
 from grasp_factory.core.optional import require
-from grasp_factory.core.schema import Field
 from grasp_factory.core.serialization import from_plain
+from grasp_factory.writers.exporters.selection import Selection
+
+EPISODES_PER_PART = 16
+"""Default for ``Exporter.split``: small, so that workers share the work evenly to its end."""
 
 
-class EpisodeSource(Protocol):
-    """The part of a dataset that exporters may use; ``Dataset`` implements and describes it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportContents:
+    """Which of the store's arrays a format has, and why it lacks the others.
 
-    Reading raises ``StoreError`` where the store is damaged; an exporter does not catch it.
+    A name is an array's path in the store; ``*`` matches any text, as in ``cameras/*/rgb``. If a
+    name with ``*`` in ``left_out`` also matches what ``written`` names, ``written`` takes
+    precedence. The columns, added labels and annotations are in every export: see
+    ``export_record.py``.
     """
 
-    @property
-    def path(self) -> Path:
-        """Where the store is, for messages."""
+    written: tuple[str, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """A short reason for each name."""
+    treatment: Mapping[str, str] = field(default_factory=dict)
+    """What the format does with NaN, episodes without a grasp and other special cases."""
 
-    @property
-    def config(self) -> FactoryConfig:
-        """The settings that the episodes were made from."""
-
-    @property
-    def attributes(self) -> Mapping[str, Any]:
-        """The root attributes of the store: robot, conventions, versions."""
-
-    @property
-    def fields(self) -> Mapping[str, Field]:
-        """The store's arrays by path: dimensions, type, unit, frame, words of coded values."""
-
-    @property
-    def columns(self) -> Sequence[str]:
-        """Names for ``column`` and ``value``."""
-
-    @property
-    def labels(self) -> Sequence[str]:
-        """Names of the labels that were added to the store's own, for ``label``."""
-
-    @property
-    def annotations(self) -> Mapping[int, Any]:
-        """The annotations of episodes, by row; ``to_plain`` converts each to plain data."""
-
-    def __getitem__(self, index: int) -> Episode:
-        """Return the episode at a row."""
-
-    def spec(self, index: int) -> EpisodeSpec:
-        """Return the recipe of an episode."""
-
-    def column(self, name: str) -> NDArray[Any]:
-        """Return a column of all rows, (N, ...)."""
-
-    def value(self, index: int, column: str) -> Any:
-        """Return one column's value of one episode."""
-
-    def label(self, name: str) -> NDArray[np.uint8]:
-        """Return an added label's outcomes; rows added later have none, so it may be shorter."""
-
-    def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
-        """Return one image: kind rgb, depth or segmentation; frame 0 before, 1 after."""
-
-    def series(self, index: int, *names: str) -> dict[str, NDArray[Any]]:
-        """Return some streams of one episode, unpadded, such as ``tcp_pose``."""
+    def not_mentioned(self, paths: Iterable[str]) -> list[str]:
+        """Return the arrays that are neither written nor left out for a reason."""
+        names = ("episodes/*", *self.written, *self.left_out)
+        return [path for path in paths if not any(fnmatchcase(path, name) for name in names)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportJob:
     """The task of an exporter."""
 
-    source: EpisodeSource
-    rows: tuple[int, ...]
-    """Rows that hold an episode, one or more, each once, in the order of the export."""
-    out: Path
-    """The file or folder to create. It does not exist yet, and its parent does."""
+    episodes: Selection
+    folder: Path
+    """The folder to fill. It exists and is empty at first; all parts write to it."""
+    aside: Path
+    """Another folder, for files that the export does not keep."""
     settings: Any
     """An instance of the exporter's ``parameters``."""
-    on_episode: Callable[[], None] = lambda: None
-    """The exporter calls it after each episode."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportContents:
-    """Which of the store's contents an export has, and why it lacks the others.
+class ExportPart:
+    """Some episodes of an export, which one process writes."""
 
-    A name is an array's path in the store, ``labels/<name>`` or ``annotations``; ``*`` matches
-    any text, as in ``cameras/*/rgb``. If a name with ``*`` in ``left_out`` also matches what
-    ``written`` names, ``written`` takes precedence.
-    """
-
-    written: tuple[str, ...]
-    left_out: Mapping[str, str] = field(default_factory=dict)
-    """A short reason for each name."""
-
-    def not_mentioned(self, source: EpisodeSource) -> list[str]:
-        """Return the dataset's contents that are neither written nor left out for a reason."""
-        there = [*source.fields, *(f"labels/{name}" for name in source.labels), "annotations"]
-        names = (*self.written, *self.left_out)
-        return [path for path in there if not any(fnmatchcase(path, name) for name in names)]
+    number: int
+    """Parts are numbered from 0, in the order of ``Exporter.split``."""
+    places: tuple[int, ...]
+    """Numbers of the episodes in the export."""
+    episodes: Iterable[tuple[int, Episode]]
+    """The number and the record of each; they can be read once, and one at a time is in memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,22 +72,47 @@ class NoSettings:
     """Settings of an exporter that has none."""
 
 
+def no_exclusions(episodes: Selection, settings: Any) -> Mapping[str, NDArray[np.bool_]]:
+    """Exclude no episode; the default for ``Exporter.excludes``."""
+    return {}
+
+
+def equal_parts(episodes: Selection, settings: Any) -> list[range]:
+    """Split the episodes into parts of ``EPISODES_PER_PART``; the last may be smaller."""
+    return parts_of(len(episodes), EPISODES_PER_PART)
+
+
+def parts_of(n: int, size: int) -> list[range]:
+    """Split n episodes into parts of a size; the last may be smaller."""
+    return [range(start, min(start + size, n)) for start in range(0, n, size)]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exporter:
-    """One format to export to."""
+    """One format to export to.
+
+    The export is split into parts. ``write_part`` runs for each part, in worker processes and in
+    any order; ``finish`` runs once, at the end, in the calling process. The files must not depend
+    on the number of workers: the same episodes and settings yield the same bytes.
+    """
 
     name: str
     description: str
-    write: Callable[[ExportJob], ExportContents]
-    """Creates ``job.out`` and nothing else, the same bytes for the same rows and settings.
-
-    It may raise ``UsageError`` for episodes that the format cannot hold."""
+    contents: ExportContents
+    write_part: Callable[[ExportJob, ExportPart], Any]
+    """Writes files of a part to ``job.folder``, and returns what ``finish`` needs to know: small,
+    picklable data. Two parts write no file of the same name."""
+    finish: Callable[[ExportJob, Sequence[Any]], None]
+    """Writes the files that describe all episodes, from what the parts returned, in their order."""
+    excludes: Callable[[Selection, Any], Mapping[str, NDArray[np.bool_]]] = no_exclusions
+    """Returns the episodes that the format cannot hold, as one mask (n,) for each reason. It may
+    raise ``UsageError`` for episodes or settings that cannot be exported together."""
+    split: Callable[[Selection, Any], Sequence[Sequence[int]]] = equal_parts
+    """Returns the parts: places of episodes, each in one part."""
     parameters: type[Any] = NoSettings
     """A frozen dataclass whose fields, all with defaults, are the format's settings."""
-    suffix: str = ""
-    """Suffix of a file in this format, lower case, such as ``.h5``; empty for a folder."""
     libraries: Sequence[str] = ()
-    """Top-level modules that ``write`` imports; the extra ``extra`` installs them."""
+    """Top-level modules that it imports; the extra ``extra`` installs them."""
     extra: str = ""
 
     def settings(self, plain: Mapping[str, Any]) -> Any:

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.executors import SendMessage, make_executor
 from grasp_factory.core.output_file import is_in_store
 from grasp_factory.core.place import place_at
 from grasp_factory.core.place_tree import fsync_tree
 from grasp_factory.core.scratch_folder import scratch_folder
-from grasp_factory.errors import StoreError, UsageError
-from grasp_factory.writers.exporters.base import EpisodeSource, ExportContents, Exporter, ExportJob
-from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
+from grasp_factory.errors import StoreError, UsageError, WorkerError
+from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from grasp_factory.writers.exporters.export_record import episode_line, write_record
+from grasp_factory.writers.exporters.selection import EpisodeSource, Selection, select
 
 _OCCUPIED = "exists, and an export overwrites nothing: choose another name"
 _LONGEST_PREFIX = 40
@@ -31,57 +37,128 @@ class Exported:
     episodes: int
     bytes: int
     contents: ExportContents
+    excluded: Mapping[str, int]
+    """Number of chosen episodes that the format cannot hold, by reason."""
 
 
 def run_export(
     exporter: Exporter,
-    source: EpisodeSource,
-    rows: Sequence[int],
+    chosen: Sequence[tuple[EpisodeSource, Sequence[int]]],
     out: Path,
     settings: Mapping[str, Any],
     *,
+    workers: int = 1,
+    on_start: Callable[[int], None] = lambda total: None,
     on_episode: Callable[[], None] = lambda: None,
 ) -> Exported:
-    """Export rows of a dataset to ``out``, which must not exist; after an error it still does not.
+    """Export rows of datasets to the folder ``out``; after an error it does not exist.
 
     Args:
         exporter: the format.
-        source: the dataset.
-        rows: rows that hold an episode, one or more, each once, in the order of the export.
-        out: the file or folder to create.
+        chosen: the datasets, each with its rows that hold an episode, each row once.
+        out: the folder to create. It must not exist.
         settings: the format's settings as plain data.
+        workers: number of processes. The files do not depend on it.
+        on_start: called with the number of episodes.
         on_episode: called after each episode.
 
     Raises:
         UsageError: for a place that is taken or cannot be written to, a missing library, rows
-            without an episode, or episodes that the format cannot hold.
+            without an episode, datasets that differ in cameras or rates, or episodes that the
+            format cannot hold.
         ConfigError: for a setting that is not valid.
-        StoreError: if the dataset is damaged, or the disk fails or is full.
+        StoreError: if a dataset is damaged, or the disk fails or is full.
+        WorkerError: if a worker process dies.
     """
     exporter.check_libraries()
-    chosen = exporter.settings(settings)
-    _check_place(out, exporter.suffix)
-    _check_rows(source, rows)
+    record = exporter.settings(settings)
+    _check_place(out)
+    episodes, excluded = _held(exporter, select(chosen), record)
+    on_start(len(episodes))
     try:
         with scratch_folder(out.parent, f"{out.name[:_LONGEST_PREFIX]}.exporting") as scratch:
-            built = scratch / out.name
-            job = ExportJob(
-                source=source, rows=tuple(rows), out=built, settings=chosen, on_episode=on_episode
-            )
-            contents = exporter.write(job)
-            size = _bytes_of(built)
+            built, aside, lines = (scratch / name for name in ("out", "aside", "lines"))
+            for folder in (built, aside, lines):
+                folder.mkdir()
+            job = ExportJob(episodes=episodes, folder=built, aside=aside, settings=record)
+            _write(exporter, job, lines, workers, on_episode)
+            write_record(job, exporter, excluded, sorted(lines.iterdir()))
+            size = sum(file.stat().st_size for file in built.rglob("*") if file.is_file())
             fsync_tree(place_at(built))
             _publish(built, out)
     except OSError as error:
         raise StoreError(f"{out} cannot be written: {error.strerror or error}") from None
     return Exported(
-        path=out, format=exporter.name, episodes=len(rows), bytes=size, contents=contents
+        path=out,
+        format=exporter.name,
+        episodes=len(episodes),
+        bytes=size,
+        contents=exporter.contents,
+        excluded={reason: len(rows) for reason, rows in excluded.items()},
     )
 
 
-def _check_place(out: Path, suffix: str) -> None:
-    if suffix and out.suffix.lower() != suffix:
-        raise UsageError(f"{out}: got a name that ends in {out.suffix!r}, valid: {suffix!r}")
+def _held(
+    exporter: Exporter, episodes: Selection, settings: Any
+) -> tuple[Selection, dict[str, Selection]]:
+    """Return the episodes that the format can hold, and the others by reason."""
+    keep = np.ones(len(episodes), np.bool_)
+    excluded: dict[str, Selection] = {}
+    for reason, mask in exporter.excludes(episodes, settings).items():
+        if (mask & keep).any():
+            excluded[reason] = episodes.only(mask & keep)
+        keep &= ~mask
+    if not keep.any():
+        why = "; ".join(f"{len(rows)}: {reason}" for reason, rows in excluded.items())
+        raise UsageError(f"{exporter.name} can hold none of {len(episodes)} episodes ({why})")
+    return episodes.only(keep), excluded
+
+
+def _write(
+    exporter: Exporter,
+    job: ExportJob,
+    lines: Path,
+    workers: int,
+    on_episode: Callable[[], None],
+) -> None:
+    """Write all parts, then what describes all of them."""
+    parts = list(enumerate(exporter.split(job.episodes, job.settings)))
+    task = partial(_write_part, exporter, job, lines)
+    executor = make_executor(min(workers, len(parts)))
+    results = executor.run(task, parts, lambda _: on_episode(), _give_up)
+    exporter.finish(job, results)
+
+
+def _write_part(
+    exporter: Exporter,
+    job: ExportJob,
+    lines: Path,
+    part: tuple[int, Sequence[int]],
+    report: SendMessage,
+) -> Any:
+    number, places = part
+    with (lines / f"{number:08d}").open("w", encoding="utf-8") as file:
+
+        def episodes() -> Iterator[tuple[int, Episode]]:
+            for place in places:
+                episode = job.episodes[place]
+                yield place, episode
+                file.write(episode_line(job.episodes, place, episode))
+                report(place)
+
+        return exporter.write_part(
+            job, ExportPart(number=number, places=tuple(places), episodes=episodes())
+        )
+
+
+def _give_up(part: Any, why: str) -> Any:
+    raise WorkerError(
+        f"a worker was lost ({why}), so nothing was written; run the same command again, or with"
+        " fewer workers if memory was short"
+    )
+
+
+def _check_place(out: Path) -> None:
     if not out.parent.is_dir():
         raise UsageError(f"{out}: the folder {out.parent} does not exist")
     if is_in_store(out):
@@ -90,45 +167,18 @@ def _check_place(out: Path, suffix: str) -> None:
         raise UsageError(f"{out} {_OCCUPIED}")
 
 
-def _check_rows(source: EpisodeSource, rows: Sequence[int]) -> None:
-    """Check that the rows are one or more, each once, and that all of them hold an episode."""
-    status = source.column("status")
-    if len(rows) == 0:
-        raise UsageError(f"{source.path}: there are no episodes to export; choose some that exist")
-    seen = set[int]()
-    for row in rows:
-        if not 0 <= row < len(status):
-            raise UsageError(f"{source.path}: got row {row}, valid: 0 to {len(status) - 1}")
-        if status[row] != COMMITTED:
-            why = "quarantined" if status[row] == QUARANTINED else "missing"
-            raise UsageError(f"{source.path}: row {row} has no episode: it is {why}; leave it out")
-        if row in seen:
-            raise UsageError(f"{source.path}: row {row} is named twice; name each row once")
-        seen.add(row)
-
-
 def _publish(built: Path, out: Path) -> None:
     """Move the result to its place, unless something exists there by now.
 
-    An empty file or folder reserves the name first, and the move replaces it. A hard link would
-    be enough for files, but not all file systems have them.
+    An empty folder reserves the name first, and the move replaces it.
     """
-    is_folder = built.is_dir()
     try:
-        if is_folder:
-            out.mkdir()
-        else:
-            out.touch(exist_ok=False)
+        out.mkdir()
     except FileExistsError:
         raise UsageError(f"{out} {_OCCUPIED}") from None
     try:
         os.replace(built, out)
     except BaseException:
         with contextlib.suppress(OSError):
-            (out.rmdir if is_folder else out.unlink)()
+            out.rmdir()
         raise
-
-
-def _bytes_of(path: Path) -> int:
-    files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
-    return sum(file.stat().st_size for file in files)

@@ -28,10 +28,10 @@ FAULTS = (
     ),
     Fault(
         "results-in-the-order-of-arrival",
-        "factory/executors/pool.py",
+        "core/executors/pool.py",
         "return [results[place] for place in range(len(jobs))]",
         "return list(results.values())",
-        ("conformance/test_executors.py", "factory/test_executors.py"),
+        ("conformance/test_executors.py", "core/test_executors.py"),
     ),
     Fault(
         "quarantine-wins-in-a-merge",

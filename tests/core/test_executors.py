@@ -16,8 +16,8 @@ import pytest
 from support import fake_blocks as blocks
 from support.places import TESTS
 
+from grasp_factory.core.executors import InlineExecutor, ProcessExecutor, make_executor, pool
 from grasp_factory.errors import RecipeError, WorkerError
-from grasp_factory.factory.executors import InlineExecutor, ProcessExecutor, make_executor, pool
 
 ROOT = TESTS.parent
 pytestmark = pytest.mark.timeout(60)
@@ -104,7 +104,7 @@ def test_a_worker_that_exits_is_an_error_that_names_job_and_exit_code() -> None:
 
 UNGUARDED = """
 from support import fake_blocks
-from grasp_factory.factory.executors import ProcessExecutor
+from grasp_factory.core.executors import ProcessExecutor
 ProcessExecutor(2).run(fake_blocks.square, [0, 1], print)
 """
 
@@ -201,7 +201,7 @@ def test_a_worker_that_is_stopped_tidies_up_after_itself(tmp_path: Path) -> None
 
 
 SCRIPT = """
-from grasp_factory.factory.executors import ProcessExecutor
+from grasp_factory.core.executors import ProcessExecutor
 from support import fake_blocks as blocks
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ import traceback
 from multiprocessing import connection
 from typing import Any
 
+from grasp_factory.core.executors.base import Task
 from grasp_factory.core.parent_process import end_with_parent
-from grasp_factory.factory.executors.base import Task
 
 
 def serve(task: Task[Any, Any], pipe: connection.Connection[Any, Any]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from grasp_factory.factory.executors.base import (
+from grasp_factory.core.executors.base import (
     Executor,
     InlineExecutor,
     Recover,
@@ -10,8 +10,8 @@ from grasp_factory.factory.executors.base import (
     Silence,
     Task,
 )
-from grasp_factory.factory.executors.limited import LimitedExecutor
-from grasp_factory.factory.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
+from grasp_factory.core.executors.limited import LimitedExecutor
+from grasp_factory.core.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
 
 __all__ = [
     "JOBS_PER_PROCESS",

@@ -15,10 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
-from grasp_factory.core.limits import CHUNK, CPU, MEMORY
-from grasp_factory.core.text_format import size_text
-from grasp_factory.errors import LimitError
-from grasp_factory.factory.executors.base import (
+from grasp_factory.core.executors.base import (
     Executor,
     J,
     R,
@@ -29,7 +26,10 @@ from grasp_factory.factory.executors.base import (
     forever,
     give_up,
 )
-from grasp_factory.factory.executors.pool import ProcessExecutor
+from grasp_factory.core.executors.pool import ProcessExecutor
+from grasp_factory.core.limits import CHUNK, CPU, MEMORY
+from grasp_factory.core.text_format import size_text
+from grasp_factory.errors import LimitError
 
 
 @dataclass(frozen=True, slots=True)

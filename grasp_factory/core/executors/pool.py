@@ -23,8 +23,7 @@ from multiprocessing import connection, resource_tracker
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
-from grasp_factory.errors import WorkerError
-from grasp_factory.factory.executors.base import (
+from grasp_factory.core.executors.base import (
     Executor,
     J,
     R,
@@ -35,7 +34,8 @@ from grasp_factory.factory.executors.base import (
     forever,
     give_up,
 )
-from grasp_factory.factory.executors.serving import serve
+from grasp_factory.core.executors.serving import serve
+from grasp_factory.errors import WorkerError
 
 JOBS_PER_PROCESS = 32
 """A worker is replaced after this many jobs: PyBullet's memory grows slowly over resets."""

@@ -1,0 +1,101 @@
+"""What every export says of itself: two files beside the data, for people and for imports.
+
+``grasp_factory.json`` says which rows of which stores the export has, what it left out and why.
+``grasp_factory_episodes.jsonl`` has a line for each episode: its store, row and checksum, and all
+its columns. A column's value is that of the store; a coded value is its word, and NaN is null.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import grasp_factory
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.writers.exporters.base import Exporter, ExportJob
+from grasp_factory.writers.exporters.plain_columns import plain_columns
+from grasp_factory.writers.exporters.selection import Selection
+
+RECORD = "grasp_factory.json"
+EPISODES = "grasp_factory_episodes.jsonl"
+VERSION = 1
+"""Of the layout of both files."""
+
+
+def episode_line(episodes: Selection, place: int, episode: Episode) -> str:
+    """Return the line of an episode in ``grasp_factory_episodes.jsonl``."""
+    store, row = episodes.origin(place)
+    line = {
+        "episode": place,
+        "store": store,
+        "row": row,
+        "checksum": str(episodes.value(place, "checksum")),
+        "columns": plain_columns(episode),
+    }
+    return json.dumps(line, allow_nan=False) + "\n"
+
+
+def write_record(
+    job: ExportJob,
+    exporter: Exporter,
+    excluded: Mapping[str, Selection],
+    parts: Sequence[Path],
+) -> None:
+    """Write both files to an export's folder.
+
+    Args:
+        job: what was exported, and to which folder.
+        exporter: the format.
+        excluded: what the format could not hold, by reason.
+        parts: files with the lines of the episodes, in order.
+
+    Raises:
+        OSError: if they cannot be written.
+    """
+    episodes = job.episodes
+    record = {
+        "what": f"grasp episodes of grasp-factory as {exporter.name}; the rows are in {EPISODES}",
+        "version": VERSION,
+        "grasp_factory": grasp_factory.__version__,
+        "format": exporter.name,
+        "settings": to_plain(job.settings),
+        "episodes": len(episodes),
+        "stores": [
+            {"name": source.path.name, "attributes": to_plain(source.attributes)}
+            for source in episodes.sources
+        ],
+        "contents": to_plain(exporter.contents),
+        "excluded": {
+            reason: [rows.origin(k) for k in range(len(rows))] for reason, rows in excluded.items()
+        },
+        "labels": _labels(episodes),
+        "annotations": _annotations(episodes),
+    }
+    (job.folder / RECORD).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    with (job.folder / EPISODES).open("wb") as lines:
+        for part in parts:
+            with part.open("rb") as file:
+                shutil.copyfileobj(file, lines)
+
+
+def _labels(episodes: Selection) -> dict[str, list[str | None]]:
+    """Return the words of added labels, (n,) each, by name; None where a label has no outcome."""
+    words = dict(enumerate(episodes.fields["episodes/outcome"].names))
+    names = sorted({name for source in episodes.sources for name in source.labels})
+    codes = {name: episodes.label(name) for name in names}
+    return {name: [words.get(code) for code in codes[name].tolist()] for name in names}
+
+
+def _annotations(episodes: Selection) -> dict[str, Any]:
+    """Return the annotations by the episode's number."""
+    by_store = [source.annotations for source in episodes.sources]
+    said: dict[str, Any] = {}
+    for place in range(len(episodes)):
+        store, row = episodes.origin(place)
+        if row in by_store[store]:
+            said[str(place)] = to_plain(by_store[store][row])
+    return said

@@ -1,0 +1,189 @@
+"""The episodes of an export: chosen rows of one or several stores, numbered from 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.schema import Field
+from grasp_factory.errors import UsageError, shown
+from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
+
+NO_LABEL = 255
+"""Value of ``Selection.label`` for an episode that the label does not cover."""
+_SAME = ("robot", "resolution", "record_hz", "imu_rate", "video_hz")
+"""Settings that decide the shapes and clocks of the arrays, besides cameras and clutter."""
+
+
+class EpisodeSource(Protocol):
+    """The part of a dataset that exports use; ``Dataset`` implements and describes it.
+
+    A source must be picklable: worker processes open the store again. Reading raises
+    ``StoreError`` where the store is damaged; an exporter does not catch it.
+    """
+
+    @property
+    def path(self) -> Path:
+        """Where the store is."""
+
+    @property
+    def config(self) -> FactoryConfig:
+        """The settings that the episodes were made from."""
+
+    @property
+    def attributes(self) -> Mapping[str, Any]:
+        """The root attributes of the store: robot, conventions, versions."""
+
+    @property
+    def fields(self) -> Mapping[str, Field]:
+        """The store's arrays by path: dimensions, type, unit, frame, words of coded values."""
+
+    @property
+    def labels(self) -> Sequence[str]:
+        """Names of the labels that were added to the store's own, for ``label``."""
+
+    @property
+    def annotations(self) -> Mapping[int, Any]:
+        """The annotations of episodes, by row; ``to_plain`` converts each to plain data."""
+
+    def __getitem__(self, index: int) -> Episode:
+        """Return the episode at a row."""
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column of all rows, (N, ...)."""
+
+    def value(self, index: int, column: str) -> Any:
+        """Return one column's value of one episode."""
+
+    def label(self, name: str) -> NDArray[np.uint8]:
+        """Return an added label's outcomes; rows added later have none, so it may be shorter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """Episodes of one or several stores; the place of an episode is its number in the export."""
+
+    sources: tuple[EpisodeSource, ...]
+    store: NDArray[np.int64]
+    """For each episode the position of its store in ``sources``, (n,), ascending."""
+    row: NDArray[np.int64]
+    """For each episode its row in that store, (n,)."""
+
+    def __len__(self) -> int:
+        """Return the number of episodes."""
+        return len(self.row)
+
+    def __getitem__(self, place: int) -> Episode:
+        """Return an episode.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        store, row = self.origin(place)
+        return self.sources[store][row]
+
+    @property
+    def config(self) -> FactoryConfig:
+        """The first store's config; all stores have the same cameras, rates, robot and clutter."""
+        return self.sources[0].config
+
+    @property
+    def fields(self) -> Mapping[str, Field]:
+        """The arrays that all stores have, by path."""
+        first, *others = (source.fields for source in self.sources)
+        return {path: row for path, row in first.items() if all(path in more for more in others)}
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column of the episodes, (n, ...)."""
+        return self._of_each(lambda source: source.column(name))
+
+    def label(self, name: str) -> NDArray[np.uint8]:
+        """Return an added label's outcomes, (n,); 255 where a store or a row has none."""
+
+        def label(source: EpisodeSource) -> NDArray[np.uint8]:
+            outcomes = np.full(len(source.column("status")), NO_LABEL, np.uint8)
+            there = source.label(name) if name in source.labels else ()
+            outcomes[: len(there)] = there
+            return outcomes
+
+        return self._of_each(label)
+
+    def _of_each(self, values_of: Callable[[EpisodeSource], NDArray[Any]]) -> NDArray[Any]:
+        """Return the episodes' values from a function that returns a store's, (N, ...)."""
+        stores = enumerate(self.sources)
+        return np.concatenate([values_of(s)[self.row[self.store == k]] for k, s in stores])
+
+    def only(self, keep: NDArray[np.bool_]) -> Selection:
+        """Return the episodes for which ``keep``, (n,), is true."""
+        return replace(self, store=self.store[keep], row=self.row[keep])
+
+    def origin(self, place: int) -> tuple[int, int]:
+        """Return the position of an episode's store in ``sources``, and its row there."""
+        return int(self.store[place]), int(self.row[place])
+
+    def value(self, place: int, column: str) -> Any:
+        """Return one column's value of an episode; only its chunk is read."""
+        store, row = self.origin(place)
+        return self.sources[store].value(row, column)
+
+
+def select(chosen: Sequence[tuple[EpisodeSource, Sequence[int]]]) -> Selection:
+    """Return the chosen rows of each store, in the order given.
+
+    Args:
+        chosen: stores, each with its rows that hold an episode, each row once.
+
+    Raises:
+        UsageError: if nothing is chosen, a row is out of range, chosen twice or without an
+            episode, or the stores differ in cameras, robot, rates or number of objects.
+    """
+    chosen = [(source, rows) for source, rows in chosen if len(rows)] or list(chosen[:1])
+    for source, rows in chosen:
+        _check_rows(source, rows)
+    sources = tuple(source for source, _ in chosen)
+    for other in sources[1:]:
+        _check_alike(sources[0], other)
+    counts = [len(rows) for _, rows in chosen]
+    return Selection(
+        sources=sources,
+        store=np.repeat(np.arange(len(sources)), counts),
+        row=np.concatenate([np.asarray(rows, np.int64) for _, rows in chosen]),
+    )
+
+
+def _check_rows(source: EpisodeSource, rows: Sequence[int]) -> None:
+    """Check that the rows are one or more, each once, and that all of them hold an episode."""
+    status = source.column("status")
+    if len(rows) == 0:
+        raise UsageError(f"{source.path}: there are no episodes to export; choose some that exist")
+    seen = set[int]()
+    for row in rows:
+        if not 0 <= row < len(status):
+            raise UsageError(f"{source.path}: got row {row}, valid: 0 to {len(status) - 1}")
+        if status[row] != COMMITTED:
+            why = "quarantined" if status[row] == QUARANTINED else "missing"
+            raise UsageError(f"{source.path}: row {row} has no episode: it is {why}; leave it out")
+        if row in seen:
+            raise UsageError(f"{source.path}: row {row} is named twice; name each row once")
+        seen.add(row)
+
+
+def _check_alike(first: EpisodeSource, other: EpisodeSource) -> None:
+    """Check that the episodes of two stores have arrays of the same names, shapes and rates."""
+    for what, got, valid in (
+        ("cameras", sorted(other.config.cameras), sorted(first.config.cameras)),
+        ("objects in a scene", other.config.clutter.count, first.config.clutter.count),
+        *((name, getattr(other.config, name), getattr(first.config, name)) for name in _SAME),
+    ):
+        if got != valid:
+            raise UsageError(
+                f"{other.path}: {what}: got {shown(got)}, valid: {shown(valid)} as in"
+                f" {first.path}; export them one by one"
+            )

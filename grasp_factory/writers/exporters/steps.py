@@ -1,0 +1,71 @@
+"""An episode as steps at the rate of its videos, for formats of policy learning.
+
+A step is a video frame with the record of the streams at the same time or last before it. The
+action of a step is the command of the next step; the last step has the last command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.core.episode import Episode
+from grasp_factory.errors import UsageError
+from grasp_factory.writers.exporters.selection import Selection
+
+NO_FRAMES = "the robot did not move, so there are no video frames"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EpisodeSteps:
+    """The K steps of an episode."""
+
+    timestamp: NDArray[np.float64]
+    """Seconds since the first step, (K,): the step's number divided by the video's rate."""
+    record: NDArray[np.int64]
+    """Position of each step's record in the streams, (K,)."""
+    images: Mapping[str, NDArray[np.uint8]]
+    """Frames by camera, (K, H, W, 3)."""
+    state: NDArray[np.float32]
+    """Measured joint positions (rad) and gripper width (m), (K, J + 1)."""
+    action: NDArray[np.float32]
+    """Commanded joint positions (rad) and gripper width (m) of the next step, (K, J + 1)."""
+
+
+def steps_of(episode: Episode) -> EpisodeSteps:
+    """Return an episode's steps; the episode must have video frames."""
+    streams, videos = episode.streams, episode.videos
+    count = len(videos["timestamp"])
+    found = np.searchsorted(streams["timestamp"], videos["timestamp"], side="right") - 1
+    record = np.clip(found, 0, episode.n_steps - 1)
+    state = _with_width(streams["joint_positions"], streams["gripper_width"])
+    target = _with_width(streams["joint_position_targets"], streams["gripper_width_target"])
+    return EpisodeSteps(
+        timestamp=np.arange(count) / episode.spec.video_hz,
+        record=record,
+        images={name: videos[f"{name}/rgb"] for name in episode.cameras},
+        state=state[record],
+        action=target[np.append(record[1:], episode.n_steps - 1)],
+    )
+
+
+def without_frames(episodes: Selection) -> NDArray[np.bool_]:
+    """Return which episodes have no video frames, (n,).
+
+    Raises:
+        UsageError: if the stores have no videos.
+    """
+    if not episodes.config.video_hz:
+        raise UsageError(
+            f"{episodes.sources[0].path} has no videos, and the format needs them: generate a"
+            " dataset with --video-hz 10"
+        )
+    n_video: NDArray[np.int32] = episodes.column("n_video")
+    return n_video == 0
+
+
+def _with_width(joints: NDArray[np.float32], width: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.concatenate([joints, width[:, None]], axis=1)

@@ -1,0 +1,107 @@
+"""WebDataset: tar files with one sample per episode, for sequential reading.
+
+A sample's files share the episode's number as their name and follow each other in the tar file:
+images, arrays as .npy, and a .json with the label. The tar files repeat byte for byte. Layout:
+https://github.com/webdataset/webdataset
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.serialization import check_range
+from grasp_factory.writers.exporters.base import (
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+    parts_of,
+)
+from grasp_factory.writers.exporters.images import png
+from grasp_factory.writers.exporters.plain_columns import plain_columns
+from grasp_factory.writers.exporters.selection import Selection
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WebDatasetSettings:
+    """Settings of the format."""
+
+    episodes_per_shard: int = 64
+    """Episodes in a tar file."""
+
+    def __post_init__(self) -> None:
+        check_range(self, "episodes_per_shard", 1, 1_000_000)
+
+
+def split(episodes: Selection, settings: WebDatasetSettings) -> list[range]:
+    """Return the episodes of each tar file."""
+    return parts_of(len(episodes), settings.episodes_per_shard)
+
+
+def write_part(job: ExportJob, part: ExportPart) -> None:
+    """Write a tar file."""
+    path = job.folder / f"episodes-{part.number:06d}.tar"
+    with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as tar:
+        for place, episode in part.episodes:
+            for suffix, data in sample(episode):
+                member = tarfile.TarInfo(f"{place:08d}.{suffix}")  # time 0, so that bytes repeat
+                member.size = len(data)
+                tar.addfile(member, io.BytesIO(data))
+
+
+def sample(episode: Episode) -> Iterator[tuple[str, bytes]]:
+    """Yield the name after the first dot and the bytes of each file of an episode.
+
+    A reader takes what follows the first dot as the name of a file's content.
+    """
+    label = plain_columns(episode)
+    yield "json", json.dumps(label, allow_nan=False).encode()
+    yield "cls", str(int(episode.success)).encode()
+    for path, values in episode.contents().items():
+        group, _, name = path.partition("/")
+        if group == "episodes":
+            continue
+        key = f"{group.removesuffix('s')}_{name}".replace("/", "_")
+        if group == "cameras" and path.endswith(("/rgb", "/segmentation")):
+            for image, time in zip(values, ("before", "after"), strict=True):
+                yield f"{key}_{time}.png", png(image)
+        else:
+            yield f"{key}.npy", npy(values)
+
+
+def npy(values: NDArray[Any]) -> bytes:
+    """Return an array as the bytes of a .npy file."""
+    data = io.BytesIO()
+    np.save(data, values, allow_pickle=False)
+    return data.getvalue()
+
+
+def finish(job: ExportJob, parts: Sequence[None]) -> None:
+    """Do nothing: the tar files are complete."""
+
+
+WEBDATASET = Exporter(
+    name="webdataset",
+    description="tar files of samples for WebDataset and Hugging Face datasets",
+    contents=ExportContents(
+        written=("*",),
+        treatment={
+            "NaN": "kept in .npy files, null in .json",
+            "no grasp": "grasp_position and the other columns of the grasp are null",
+            "no video": "the video's arrays have the length 0",
+        },
+    ),
+    split=split,
+    write_part=write_part,
+    finish=finish,
+    parameters=WebDatasetSettings,
+)

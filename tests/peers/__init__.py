@@ -1,0 +1,1 @@
+"""Readers of other projects, each in a folder: see ``run.py``."""
