@@ -63,8 +63,8 @@ def without_frames(episodes: Selection) -> NDArray[np.bool_]:
             f"{episodes.sources[0].path} has no videos, and the format needs them: generate a"
             " dataset with --video-hz 10"
         )
-    n_video: NDArray[np.int32] = episodes.column("n_video")
-    return n_video == 0
+    none: NDArray[np.bool_] = episodes.column("n_video") == 0
+    return none
 
 
 def _with_width(joints: NDArray[np.float32], width: NDArray[np.float32]) -> NDArray[np.float32]:
