@@ -22,11 +22,6 @@ THINNEST_PAD, LARGEST_PAD = 0.001, 1.0
 """Smallest and largest side of a pad, m."""
 LONGEST_S = 86_400.0
 """Longest time that the clock of an attempt may show, s."""
-_CODED = {
-    field.path.removeprefix("episodes/"): len(field.names)
-    for field in schema.FIELDS
-    if field.names and field.path.startswith("episodes/")
-}
 
 
 def check_plausible(episode: Episode, config: FactoryConfig) -> None:
@@ -36,10 +31,19 @@ def check_plausible(episode: Episode, config: FactoryConfig) -> None:
         ConfigError: naming what no recorded episode has.
     """
     check_recipe(episode.spec, config)
-    for name, codes in _CODED.items():
+    for name, codes in _coded(config).items():
         if name in episode.columns:
             code = episode.columns[name]
             check(code < codes, name, int(code), f"below {codes}")
+
+
+def _coded(config: FactoryConfig) -> dict[str, int]:
+    """Return the number of codes of each coded column."""
+    return {
+        field.path.removeprefix("episodes/"): len(field.names)
+        for field in schema.expand(config)
+        if field.names and field.path.startswith("episodes/")
+    }
 
 
 def check_recipe(spec: EpisodeSpec, config: FactoryConfig) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.fake_episodes import make_episode, small_config
 
+from grasp_factory.core.enums import label_names
 from grasp_factory.core.episode import Episode
 from grasp_factory.dataset.plausible import (
     check_calibration,
@@ -27,6 +28,18 @@ def changed(episode: Episode, **spec: Any) -> Episode:
 
 def test_an_episode_of_the_config_is_plausible() -> None:
     check_plausible(make_episode(CONFIG, 0), CONFIG)
+
+
+def test_each_object_of_the_scene_may_be_what_was_touched() -> None:
+    config = small_config(clutter={"count": 3})
+    episode = make_episode(config, 0)
+    labels = label_names(3)
+    for code in range(len(labels)):
+        columns = episode.columns | {"collision_body": code}
+        check_plausible(dataclasses.replace(episode, columns=columns), config)
+    columns = episode.columns | {"collision_body": len(labels)}
+    with pytest.raises(ConfigError, match="collision_body: got 8, valid: below 8"):
+        check_plausible(dataclasses.replace(episode, columns=columns), config)
 
 
 @pytest.mark.parametrize(
