@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import tarfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.serialization import check_range
+from grasp_factory.errors import UsageError, shown
 from grasp_factory.writers.exporters.base import (
     ExportContents,
     Exporter,
@@ -42,6 +43,21 @@ class WebDatasetSettings:
         check_range(self, "episodes_per_shard", 1, 1_000_000)
 
 
+def excludes(episodes: Selection, settings: WebDatasetSettings) -> Mapping[str, NDArray[np.bool_]]:
+    """Check that lower case keeps the cameras apart; no episode is excluded.
+
+    Raises:
+        UsageError: if two names of cameras differ in case only.
+    """
+    cameras = list(episodes.config.cameras)
+    if len({name.lower() for name in cameras}) < len(cameras):
+        raise UsageError(
+            f"webdataset: got cameras {shown(cameras)}, valid: names that differ in"
+            " more than case, because its reader ignores case"
+        )
+    return {}
+
+
 def split(episodes: Selection, settings: WebDatasetSettings) -> list[range]:
     """Return the episodes of each tar file."""
     return parts_of(len(episodes), settings.episodes_per_shard)
@@ -61,7 +77,7 @@ def write_part(job: ExportJob, part: ExportPart) -> None:
 def sample(episode: Episode) -> Iterator[tuple[str, bytes]]:
     """Yield the name after the first dot and the bytes of each file of an episode.
 
-    A reader takes what follows the first dot as the name of a file's content.
+    A reader takes what follows the first dot as the name of a file's content, in lower case.
     """
     label = plain_columns(episode)
     yield "json", json.dumps(label, allow_nan=False).encode()
@@ -70,7 +86,7 @@ def sample(episode: Episode) -> Iterator[tuple[str, bytes]]:
         group, _, name = path.partition("/")
         if group == "episodes":
             continue
-        key = f"{group.removesuffix('s')}_{name}".replace("/", "_")
+        key = f"{group.removesuffix('s')}_{name}".replace("/", "_").lower()
         if group == "cameras" and path.endswith(("/rgb", "/segmentation")):
             for image, time in zip(values, ("before", "after"), strict=True):
                 yield f"{key}_{time}.png", png(image)
@@ -100,6 +116,7 @@ WEBDATASET = Exporter(
             "no video": "the video's arrays have the length 0",
         },
     ),
+    excludes=excludes,
     split=split,
     write_part=write_part,
     finish=finish,

@@ -26,7 +26,7 @@ def compare(dataset: Dataset, export: Path, read: Mapping[str, NDArray[Any]]) ->
             if path.startswith("episodes/"):
                 continue
             key = path.replace("cameras/", "camera_").replace("streams/", "stream_")
-            key = key.replace("videos/", "video_").replace("/", "_")
+            key = key.replace("videos/", "video_").replace("/", "_").lower()
             if path.endswith(("/rgb", "/segmentation")) and path.startswith("cameras/"):
                 for image, time in zip(values, ("before", "after"), strict=True):
                     found = read[f"{place}/{key}_{time}.png"]
