@@ -12,8 +12,9 @@ from grasp_factory.writers.exporters.base import (
     ExportPart,
     NoSettings,
 )
+from grasp_factory.writers.exporters.sequences import SEQUENCES
 from grasp_factory.writers.exporters.webdataset import WEBDATASET
 
-EXPORTERS: Mapping[str, Exporter] = {row.name: row for row in (ARTICLE, WEBDATASET)}
+EXPORTERS: Mapping[str, Exporter] = {row.name: row for row in (ARTICLE, SEQUENCES, WEBDATASET)}
 
 __all__ = ["EXPORTERS", "ExportContents", "ExportJob", "ExportPart", "Exporter", "NoSettings"]

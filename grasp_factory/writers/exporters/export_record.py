@@ -17,6 +17,7 @@ import grasp_factory
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.writers.exporters.base import Exporter, ExportJob
+from grasp_factory.writers.exporters.json_file import write_json
 from grasp_factory.writers.exporters.plain_columns import plain_columns
 from grasp_factory.writers.exporters.selection import Selection
 
@@ -75,7 +76,7 @@ def write_record(
         "labels": _labels(episodes),
         "annotations": _annotations(episodes),
     }
-    (job.folder / RECORD).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    write_json(job.folder / RECORD, record)
     with (job.folder / EPISODES).open("wb") as lines:
         for part in parts:
             with part.open("rb") as file:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.enums import label_names
@@ -12,6 +11,7 @@ from grasp_factory.core.episode import Episode
 from grasp_factory.core.field import LABELS
 from grasp_factory.core.schema import FIELDS
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.writers.exporters.json_file import finite
 
 _CODED = {row.path: row.names for row in FIELDS if row.names}
 
@@ -19,7 +19,7 @@ _CODED = {row.path: row.names for row in FIELDS if row.names}
 def plain_columns(episode: Episode) -> dict[str, Any]:
     """Return the columns by name as scalars, lists and, for the recipe, a dict.
 
-    A coded value is its word and NaN is None; the other values are those of the store.
+    A coded value is its word, NaN is None; the other values are those of the store.
     """
     labels = label_names(len(episode.spec.objects))
     columns: dict[str, Any] = {}
@@ -31,8 +31,5 @@ def plain_columns(episode: Episode) -> dict[str, Any]:
 
 
 def plain(values: NDArray[Any]) -> Any:
-    """Return an array as lists and scalars; NaN is None."""
-    if values.dtype.kind != "f" or not np.isnan(values).any():
-        return values.tolist()
-    flat = [None if x != x else x for x in values.ravel().tolist()]  # noqa: PLR0124
-    return np.array(flat, object).reshape(values.shape).tolist()
+    """Return an array as lists and scalars; NaN and infinite numbers are None."""
+    return finite(values.tolist())
