@@ -40,10 +40,13 @@ def cameras(*names: str) -> dict[str, Any]:
     return {name: to_plain(CAMERAS[name].config) for name in names}
 
 
+CAMERAS_OF_STORES = cameras("front", "wrist")
+
+
 def make_store(path: Path, **changes: Any) -> Dataset:
     """Write a store with two blocks, two cameras, videos, two objects and a quarantined row."""
     config = small_config(
-        **{"video_hz": 5, "clutter": {"count": 2}, "cameras": cameras("front", "wrist"), **changes}
+        **{"video_hz": 5, "clutter": {"count": 2}, "cameras": CAMERAS_OF_STORES, **changes}
     )
     prepare_store(path, config, JOINTS, N, {})
     for block in (0, 1):
