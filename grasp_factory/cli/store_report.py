@@ -12,6 +12,7 @@ from grasp_factory.core.text_format import bar, count, joined_lines, percent, si
 from grasp_factory.curation.merge.provenance import SeedSource, stored_sources
 from grasp_factory.dataset.summary import StoreSummary, Tally
 from grasp_factory.writers.zarr.header import SOURCES
+from grasp_factory.writers.zarr.made_of_export import import_note
 
 GROUPS = ("policy", "outcome", "object family", "object set", "split", "tag")
 """Tables of a store by their keys."""
@@ -77,6 +78,8 @@ def origin_text(attributes: Mapping[str, Any]) -> str:
     parts = [table([("made with", ""), *facts.items()])]
     if SOURCES in attributes:
         parts.append("\n".join(["merged from", *sources_lines(stored_sources(attributes))]))
+    if note := import_note(attributes):
+        parts.append(note)
     return "\n\n".join([*parts, f"config\n{text}"]).rstrip()
 
 

@@ -103,7 +103,7 @@ def seed_sources(
         seed = int(seeds[k])
         used = np.unique(plan.store[plan.seed == seed]).tolist()
         own = replace(config, seed=seed)
-        made_with = _once(maker for store in used for maker in makers[store][seed])
+        made_with = once(maker for store in used for maker in makers[store][seed])
         out.append(
             SeedSource(
                 seed=seed, rows=int(counts[k]), config_sha256=own.sha256(), made_with=made_with
@@ -124,7 +124,8 @@ def surroundings_difference(a: Maker, b: Maker) -> str:
     return first_difference(mine, others) or ""
 
 
-def _once(makers: Iterable[Maker]) -> tuple[Maker, ...]:
+def once(makers: Iterable[Maker]) -> tuple[Maker, ...]:
+    """Return each of several makers once, in their order."""
     out: list[Maker] = []
     for maker in makers:
         if maker not in out:

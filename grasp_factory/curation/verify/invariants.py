@@ -49,6 +49,9 @@ def faults(contents: Row, pieces: PartialStore, i: int) -> Iterator[Fault]:
         yield "episodes/spec", f"no recipe: {error}"
         return
     yield from _recipe_faults(contents, spec, pieces, i)
+    if pieces.lacks_arrays:
+        yield from _range_faults(contents)
+        return  # the next checks read arrays that an export may not hold
     path = non_finite(contents, pieces.fields.values())
     if path:
         yield path, "holds infinity, or NaN where it has no meaning"

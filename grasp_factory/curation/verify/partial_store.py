@@ -20,6 +20,7 @@ from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray, stored
 from grasp_factory.writers.zarr.budgets import check_arrays
 from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store, place_in
+from grasp_factory.writers.zarr.made_of_export import arrays_not_held
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +51,11 @@ class PartialStore:
     def is_collected(self) -> bool:
         """Whether it was merged or split, so that rows may have recipes of any index."""
         return SOURCES in self.attributes
+
+    @property
+    def lacks_arrays(self) -> bool:
+        """Whether it was made of an export that did not hold every array."""
+        return bool(arrays_not_held(self.attributes))
 
     @property
     def digested(self) -> tuple[str, ...]:

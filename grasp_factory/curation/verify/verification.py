@@ -29,6 +29,7 @@ from grasp_factory.curation.verify.problems import Problem, VerifyReport
 from grasp_factory.errors import StoreError
 from grasp_factory.factory.run_request import MAX_EPISODES, MAX_WORKERS
 from grasp_factory.writers.zarr.columns import Columns
+from grasp_factory.writers.zarr.made_of_export import import_note
 from grasp_factory.writers.zarr.made_with import changed_since
 from grasp_factory.writers.zarr.writer import COMMITTED
 
@@ -108,6 +109,7 @@ def verify(
             *unknown_file_notes(pieces),
             *_of_platforms(pieces, found),
             *platform_notes(again),
+            *filter(None, [import_note(pieces.attributes)]),
         ),
         changed=tuple(changed_since(pieces.attributes)),
         simulated=simulated,

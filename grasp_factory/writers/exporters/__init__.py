@@ -8,6 +8,7 @@ from grasp_factory.writers.exporters.article import ARTICLE
 from grasp_factory.writers.exporters.base import (
     ExportContents,
     Exporter,
+    ExportFolder,
     ExportJob,
     ExportPart,
     NoSettings,
@@ -17,4 +18,12 @@ from grasp_factory.writers.exporters.webdataset import WEBDATASET
 
 EXPORTERS: Mapping[str, Exporter] = {row.name: row for row in (ARTICLE, SEQUENCES, WEBDATASET)}
 
-__all__ = ["EXPORTERS", "ExportContents", "ExportJob", "ExportPart", "Exporter", "NoSettings"]
+__all__ = [
+    "EXPORTERS",
+    "ExportContents",
+    "ExportFolder",
+    "ExportJob",
+    "ExportPart",
+    "Exporter",
+    "NoSettings",
+]

@@ -15,8 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
-from grasp_factory.writers.exporters.images import camera_of, write_png
+from grasp_factory.errors import lookup
+from grasp_factory.writers.exporters.base import (
+    ExportContents,
+    Exporter,
+    ExportFolder,
+    ExportJob,
+    ExportPart,
+)
+from grasp_factory.writers.exporters.images import camera_of, read_png, write_png
+from grasp_factory.writers.exporters.npy_file import read_npy
 from grasp_factory.writers.exporters.selection import Selection
 
 TIMES = ("before", "after")
@@ -71,6 +79,22 @@ def label(i: int, episode: Episode) -> NDArray[Any]:
     return np.array(values, np.dtype(fields))
 
 
+def read_back(folder: ExportFolder, i: int) -> dict[str, NDArray[Any]]:
+    """Return the images of an episode by path; see ``Exporter.read_back``."""
+    camera = folder.settings.camera or next(iter(folder.config.cameras))
+    lookup(folder.config.cameras, "camera", camera)
+    width, height = folder.config.resolution
+    place = folder.place
+    rgb = [read_png(place / f"rgb/{time}_{i}.png", (height, width, 3), "uint8") for time in TIMES]
+    depth = [read_npy(place / f"depth/depth_{time}_{i}.npy") for time in TIMES]
+    seg = [read_npy(place / f"seg/seg_{time}_{i}.npy") for time in TIMES]
+    return {
+        f"cameras/{camera}/rgb": np.stack(rgb),
+        f"cameras/{camera}/depth": np.stack(depth),
+        f"cameras/{camera}/segmentation": np.stack(seg),
+    }
+
+
 def finish(job: ExportJob, parts: Sequence[None]) -> None:
     """Do nothing: no file describes all episodes."""
 
@@ -95,5 +119,6 @@ ARTICLE = Exporter(
     excludes=excludes,
     write_part=write_part,
     finish=finish,
+    read_back=read_back,
     parameters=ArticleSettings,
 )

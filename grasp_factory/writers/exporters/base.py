@@ -11,8 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode
+from grasp_factory.core.field import Field
 from grasp_factory.core.optional import require
+from grasp_factory.core.place import Place
 from grasp_factory.core.serialization import from_plain
 from grasp_factory.writers.exporters.selection import Selection
 
@@ -26,7 +29,7 @@ class ExportContents:
 
     A name is an array's path in the store; ``*`` matches any text, as in ``cameras/*/rgb``. If a
     name with ``*`` in ``left_out`` also matches what ``written`` names, ``written`` takes
-    precedence. The columns, added labels and annotations are in every export: see
+    precedence. Every export has what is neither an image nor a time series: see
     ``export_record.py``.
     """
 
@@ -36,9 +39,10 @@ class ExportContents:
     treatment: Mapping[str, str] = field(default_factory=dict)
     """What the format does with NaN, episodes without a grasp and other special cases."""
 
-    def not_mentioned(self, paths: Iterable[str]) -> list[str]:
-        """Return the arrays that are neither written nor left out for a reason."""
-        names = ("episodes/*", *self.written, *self.left_out)
+    def not_mentioned(self, fields: Iterable[Field]) -> list[str]:
+        """Return the images and time series that are neither written nor left out for a reason."""
+        names = (*self.written, *self.left_out)
+        paths = [field.path for field in fields if field.is_image or field.length_column]
         return [path for path in paths if not any(fnmatchcase(path, name) for name in names)]
 
 
@@ -65,6 +69,22 @@ class ExportPart:
     """Numbers of the episodes in the export."""
     episodes: Iterable[tuple[int, Episode]]
     """The number and the record of each; they can be read once, and one at a time is in memory."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportFolder:
+    """An export that is read back. It may come from a stranger."""
+
+    place: Place
+    """The folder: files are read through it, with limits, and no link is followed."""
+    settings: Any
+    """The settings that it was written with."""
+    config: FactoryConfig
+    """The first store's config."""
+    fields: Mapping[str, Field]
+    """The arrays of its stores, by path."""
+    joints: int
+    """Number of joints of the robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +129,10 @@ class Exporter:
     raise ``UsageError`` for episodes or settings that cannot be exported together."""
     split: Callable[[Selection, Any], Sequence[Sequence[int]]] = equal_parts
     """Returns the parts: places of episodes, each in one part."""
+    read_back: Callable[[ExportFolder, int], Mapping[str, NDArray[Any]]] | None = None
+    """Returns the images and time series of an episode by path, those that the format holds, with
+    the store's types and without padding. It raises ``ValueError``, ``KeyError`` or ``OSError``
+    for files that are not as they were written. None if the format cannot be read back."""
     parameters: type[Any] = NoSettings
     """A frozen dataclass whose fields, all with defaults, are the format's settings."""
     libraries: Sequence[str] = ()

@@ -1,8 +1,9 @@
 """What every export says of itself: two files beside the data, for people and for imports.
 
 ``grasp_factory.json`` says which rows of which stores the export has, what it left out and why.
-``grasp_factory_episodes.jsonl`` has a line for each episode: its store, row and checksum, and all
-its columns. A column's value is that of the store; a coded value is its word, and NaN is null.
+``grasp_factory_episodes.jsonl`` has a line for each episode: its store, row and checksum, all its
+columns, and its other small arrays. A coded value is its word, NaN is null, and the other values
+are those of the store. Data that is embedded in a store is in ``grasp_factory_embedded/``.
 """
 
 from __future__ import annotations
@@ -15,14 +16,18 @@ from typing import Any
 
 import grasp_factory
 from grasp_factory.core.episode import Episode
+from grasp_factory.core.field import Field
+from grasp_factory.core.schema import FINGERPRINT
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.writers.exporters.base import Exporter, ExportJob
 from grasp_factory.writers.exporters.json_file import write_json
-from grasp_factory.writers.exporters.plain_columns import plain_columns
+from grasp_factory.writers.exporters.plain_columns import plain, plain_columns
 from grasp_factory.writers.exporters.selection import Selection
+from grasp_factory.writers.zarr.embedded import embedded_in, read_embedded
 
 RECORD = "grasp_factory.json"
 EPISODES = "grasp_factory_episodes.jsonl"
+EMBEDDED = "grasp_factory_embedded"
 VERSION = 1
 """Of the layout of both files."""
 
@@ -35,9 +40,28 @@ def episode_line(episodes: Selection, place: int, episode: Episode) -> str:
         "store": store,
         "row": row,
         "checksum": str(episodes.value(place, "checksum")),
+        "fingerprint": _fingerprint(episodes, place),
         "columns": plain_columns(episode),
+        "arrays": {
+            path: plain(values)
+            for path, values in episode.contents().items()
+            if is_small(episodes.fields.get(path))
+        },
     }
     return json.dumps(line, allow_nan=False) + "\n"
+
+
+def _fingerprint(episodes: Selection, place: int) -> str:
+    """Return the text of the platform that made an episode; empty for stores of old versions."""
+    has_one = FINGERPRINT.path in episodes.fields
+    return str(episodes.value(place, "fingerprint")) if has_one else ""
+
+
+def is_small(field: Field | None) -> bool:
+    """Return whether a field is neither a column nor an image nor a time series."""
+    return field is not None and not (
+        field.path.startswith("episodes/") or field.is_image or field.length_column
+    )
 
 
 def write_record(
@@ -69,6 +93,7 @@ def write_record(
             {"name": source.path.name, "attributes": to_plain(source.attributes)}
             for source in episodes.sources
         ],
+        "arrays": sorted(episodes.fields),
         "contents": to_plain(exporter.contents),
         "excluded": {
             reason: [rows.origin(k) for k in range(len(rows))] for reason, rows in excluded.items()
@@ -77,10 +102,21 @@ def write_record(
         "annotations": _annotations(episodes),
     }
     write_json(job.folder / RECORD, record)
+    _write_embedded(job)
     with (job.folder / EPISODES).open("wb") as lines:
         for part in parts:
             with part.open("rb") as file:
                 shutil.copyfileobj(file, lines)
+
+
+def _write_embedded(job: ExportJob) -> None:
+    """Write the meshes and models that the first store carries."""
+    for path in embedded_in(job.episodes.config):
+        data = read_embedded(job.episodes.sources[0].path, path)
+        if data is not None:
+            file = job.folder / EMBEDDED / path
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(data)
 
 
 def _labels(episodes: Selection) -> dict[str, list[str | None]]:

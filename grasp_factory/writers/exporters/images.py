@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.geometry import Array
+from grasp_factory.core.limits import CHUNK
+from grasp_factory.core.place import Place
 from grasp_factory.errors import lookup
 from grasp_factory.writers.exporters.selection import Selection
 
@@ -46,6 +48,30 @@ def png(image: NDArray[Any]) -> bytes:
         ".png", np.ascontiguousarray(bgr), [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL]
     )
     return data.tobytes()
+
+
+def read_png(place: Place, shape: tuple[int, ...], dtype: str) -> NDArray[Any]:
+    """Return the image of a PNG file that ``write_png`` wrote.
+
+    Args:
+        place: the file.
+        shape: (H, W, 3) for RGB, or (H, W).
+        dtype: uint8 or uint16.
+
+    Raises:
+        ValueError: if it is no image of this kind. The file's own size is compared before it is
+            decoded: a small file may hold a large image.
+        OSError: if it cannot be read.
+        LimitError: if it is too large.
+    """
+    data = place.read_bytes(CHUNK)
+    size = tuple(int.from_bytes(data[at : at + 4], "big") for at in (20, 16))
+    if not data.startswith(b"\x89PNG") or size != shape[:2]:
+        raise ValueError(f"{place.name}: no PNG file of {shape[1]} x {shape[0]} pixels")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None or image.shape != shape or image.dtype != dtype:
+        raise ValueError(f"{place.name}: no image of {dtype} {shape}")
+    return image[..., ::-1] if image.ndim == 3 else image
 
 
 def depth_to_uint16(depth: Array | NDArray[np.float32], unit: float) -> NDArray[np.uint16]:

@@ -21,18 +21,19 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.geometry import Array
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from grasp_factory.writers.exporters.base import (
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.camera_calibration import intrinsics, kalibr_camera
-from grasp_factory.writers.exporters.csv_series import numbered, write_series
+from grasp_factory.writers.exporters.csv_series import write_series
 from grasp_factory.writers.exporters.images import depth_to_uint16, write_png
 from grasp_factory.writers.exporters.json_file import write_json
 from grasp_factory.writers.exporters.plain_columns import plain, plain_columns
-
-MM = 1e-3
-_XYZ = ("x", "y", "z")
-_WRENCH = ",".join([*(f"f{axis}" for axis in _XYZ), *(f"t{axis}" for axis in _XYZ)])
-_PADS = ",".join(f"{side}_{name}" for side in ("left", "right") for name in _WRENCH.split(","))
-_POSE = ",".join([*(f"p{axis}" for axis in _XYZ), *(f"q{axis}" for axis in (*_XYZ, "w"))])
+from grasp_factory.writers.exporters.sequence_reading import read_back
+from grasp_factory.writers.exporters.sequence_tables import MM, table_values, tables
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,9 +63,10 @@ def write_part(job: ExportJob, part: ExportPart) -> None:
 def _write_sequence(folder: Path, episode: Episode, camera: str) -> None:
     for name in ("rgb", "depth", "segmentation", "calibration"):
         (folder / name).mkdir(parents=True)
-    for name, series in _series(episode).items():
+    contents, joints = episode.contents(), episode.streams["joint_positions"].shape[1]
+    for name, table in tables(joints, len(episode.spec.objects)).items():
         (folder / name).mkdir()
-        write_series(folder / name / "data.csv", series)
+        write_series(folder / name / "data.csv", table_values(table, contents))
     calibration = intrinsics(episode, camera)
     write_json(folder / "calibration" / "cam_intrinsics.json", calibration)
     kalibr = yaml.safe_dump({"cam0": kalibr_camera(episode, camera)}, sort_keys=False)
@@ -120,40 +122,6 @@ def _written(folder: Path, k: int, frame: SequenceFrame) -> dict[str, Any]:
         "segmentation_path": "" if frame.segmentation is None else f"segmentation/{file}",
         "what": frame.what,
         "T_world_camera": plain(frame.T_world_camera),
-    }
-
-
-def _series(episode: Episode) -> dict[str, dict[str, NDArray[Any]]]:
-    """Return the time series of each CSV file, by the names of their columns."""
-    streams, imu = episode.streams, episode.imu
-    joints = streams["joint_positions"].shape[1]
-    clock = {"timestamp": streams["timestamp"]}
-    objects = streams["object_pose"]
-    names = (f"object_{k}_{part}" for k in range(objects.shape[1]) for part in _POSE.split(","))
-    per_joint = {
-        numbered(name.removesuffix("s"), joints): streams[name]
-        for name in (
-            "joint_positions",
-            "joint_velocities",
-            "joint_torques",
-            "joint_position_targets",
-        )
-    }
-    single = ("gripper_width", "gripper_width_target", "gripper_force", "phase", "shake_level")
-    return {
-        "imu": {
-            "timestamp": imu["timestamp"],
-            "ax,ay,az": imu["specific_force"],
-            "wx,wy,wz": imu["angular_velocity"],
-        },
-        "force": clock | {_WRENCH: streams["wrist_wrench"]},
-        "tactile": clock | {_PADS: streams["tactile_wrench"].reshape(-1, 12)},
-        "robot": clock
-        | per_joint
-        | {name: streams[name] for name in single}
-        | {",".join(f"tcp_{part}" for part in _POSE.split(",")): streams["tcp_pose"]}
-        | {"hand_fx,hand_fy,hand_fz": streams["hand_force"], "reward": streams["reward"]},
-        "objects": clock | {",".join(names): objects.reshape(len(objects), objects.shape[1] * 7)},
     }
 
 
@@ -229,4 +197,5 @@ SEQUENCES = Exporter(
     ),
     write_part=write_part,
     finish=finish,
+    read_back=read_back,
 )

@@ -1,0 +1,178 @@
+"""Restoring a store: blocks are read from the export, written and packed at a free path."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from numpy.typing import NDArray
+
+from grasp_factory.core.episode import Episode
+from grasp_factory.core.serialization import is_integer, to_plain
+from grasp_factory.curation.merge.provenance import SeedSource, makers_of, once
+from grasp_factory.curation.merge.staged_store import StagedStore
+from grasp_factory.curation.restore.episode_values import episode_of
+from grasp_factory.curation.restore.exported import ExportedEpisodes, open_export
+from grasp_factory.errors import RefusedFileError, StoreError, shown
+from grasp_factory.writers.zarr.header import SOURCES
+from grasp_factory.writers.zarr.made_of_export import imported
+from grasp_factory.writers.zarr.segment_packing import pack
+from grasp_factory.writers.zarr.store import create_store
+from grasp_factory.writers.zarr.writer import ZarrWriter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Restored:
+    """What was restored."""
+
+    path: str
+    format: str
+    episodes: int
+    same: int
+    """Episodes whose every value is that of the store that was exported, by their checksums."""
+    not_held: tuple[str, ...]
+    """Arrays that the export does not hold: they have the fill value."""
+
+
+def restore(
+    export: Path | str,
+    out: Path | str,
+    *,
+    on_start: Callable[[int], None] = lambda episodes: None,
+    on_episode: Callable[[], None] = lambda: None,
+) -> Restored:
+    """Make a store of an export.
+
+    Args:
+        export: the folder that an export wrote.
+        out: a path where nothing exists yet, or an empty directory.
+        on_start: called with the number of episodes.
+        on_episode: called after each episode.
+
+    Raises:
+        UsageError: if ``export`` is no export that can be read back, or ``out`` is taken.
+        StoreError: if the export is damaged, or the disk fails. Nothing is left then.
+    """
+    place, source = StagedStore(out), open_export(Path(export))
+    config, fields = source.folder.config, source.folder.fields
+    on_start(len(source.lines))
+    with place.building() as aside, source.reading() as file:
+        reader = ExportedEpisodeReader(source=source, file=file)
+        not_held = reader.not_held()
+        create_store(
+            aside,
+            config,
+            _attributes(source, reader.rows_by_seed(), not_held),
+            joints=source.folder.joints,
+            n=len(source.lines),
+            carried=source.embedded(),
+            fields=list(fields.values()),
+        )
+        same = _write(reader, aside, on_episode)
+        pack(aside)
+    return Restored(
+        path=str(out),
+        format=source.exporter.name,
+        episodes=len(source.lines),
+        same=same,
+        not_held=not_held,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedEpisodeReader:
+    """Reads episodes of an export."""
+
+    source: ExportedEpisodes
+    file: BinaryIO
+    """The lines of the episodes."""
+
+    def not_held(self) -> tuple[str, ...]:
+        """Return the store's images and time series that the export does not hold."""
+        held = self._held(0)
+        there = self.source.folder.fields.values()
+        return tuple(
+            field.path
+            for field in there
+            if (field.is_image or field.length_column) and field.path not in held
+        )
+
+    def rows_by_seed(self) -> dict[int, int]:
+        """Return the number of episodes of each seed, in the order of the episodes."""
+        places = range(len(self.source.lines))
+        return dict(Counter(self._column(place, "seed") for place in places))
+
+    def read(self, place: int) -> tuple[Episode, str, str]:
+        """Return an episode, the checksum that it had in its store, and its fingerprint.
+
+        Raises:
+            StoreError: if it is damaged.
+        """
+        line = self.source.line(self.file, place)
+        try:
+            episode = episode_of(line, self._held(place), self.source.folder)
+            return episode, str(line["checksum"]), str(line["fingerprint"])
+        except RefusedFileError:
+            raise
+        except (KeyError, TypeError, ValueError, RecursionError, OSError) as error:
+            raise self._damaged(place, error) from None
+
+    def _held(self, place: int) -> Mapping[str, NDArray[Any]]:
+        read_back = self.source.exporter.read_back
+        assert read_back
+        try:
+            return read_back(self.source.folder, place)
+        except RefusedFileError:
+            raise
+        except (KeyError, TypeError, ValueError, RecursionError, OSError) as error:
+            raise self._damaged(place, error) from None
+
+    def _column(self, place: int, name: str) -> int:
+        value = self.source.line(self.file, place).get("columns", {}).get(name)
+        if not is_integer(value):
+            raise self._damaged(place, f"{name}: got {shown(value)}")
+        return int(value)
+
+    def _damaged(self, place: int, why: object) -> StoreError:
+        what = str(why).splitlines() or [type(why).__name__]
+        return StoreError(f"{self.source.path}: episode {place} is damaged: {what[0]}")
+
+
+def _write(reader: ExportedEpisodeReader, out: Path, on_episode: Callable[[], None]) -> int:
+    """Write the episodes; return how many are as in their store."""
+    writer, same = ZarrWriter(out), 0
+    for start in range(0, writer.length, writer.block_size):
+        rows, texts = [], []
+        for place in range(start, min(start + writer.block_size, writer.length)):
+            episode, checksum, fingerprint = reader.read(place)
+            same += episode.checksum() == checksum
+            rows.append(episode)
+            texts.append(fingerprint)
+            on_episode()
+        writer.write_block(start // writer.block_size, rows, texts)
+    return same
+
+
+def _attributes(
+    source: ExportedEpisodes, rows: Mapping[int, int], not_held: tuple[str, ...]
+) -> dict[str, Any]:
+    """Return the root attributes: the first store's, where the rows come from, what is missing."""
+    makers = [
+        makers_of(source.path, attributes, int(attributes["config"]["seed"]))
+        for attributes in source.attributes
+    ]
+    config = source.folder.config
+    seeds = [
+        SeedSource(
+            seed=seed,
+            rows=count,
+            config_sha256=replace(config, seed=seed).sha256(),
+            made_with=once(maker for known in makers for maker in known.get(seed, ())),
+        )
+        for seed, count in rows.items()
+    ]
+    origin = {SOURCES: to_plain(seeds), **imported(source.exporter.name, not_held)}
+    return {**source.attributes[0], **origin}
