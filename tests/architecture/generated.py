@@ -14,6 +14,7 @@ from architecture.test_rooms import OWNERS, PACKAGE, ROOMS, SIMULATES, WALLS, ar
 from support.places import DOCS
 
 from grasp_factory.core.schema import markdown_table
+from grasp_factory.writers.exporters import EXPORTERS
 
 STATIC = PACKAGE / "apps" / "browse" / "static"
 SETTINGS = {
@@ -117,6 +118,17 @@ def _list(names: list[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
+def export_formats() -> str:
+    """Return a table of the formats of ``grasp-factory export``."""
+    rows = []
+    for exporter in EXPORTERS.values():
+        extra = f"`{exporter.extra}`" if exporter.extra else ""
+        lacks = _list(list(exporter.contents.left_out)) or "nothing"
+        back = "yes" if exporter.read_back else ""
+        rows.append((f"`{exporter.name}`", exporter.description, lacks, extra, back))
+    return table(("format", "content", "leaves out", "extra", "import"), rows)
+
+
 PARTS: Mapping[str, Callable[[], str]] = {
     "picture of the rooms": picture,
     "rooms": rooms,
@@ -125,8 +137,14 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "owners of libraries": owners,
     "arrays of the store": markdown_table,
     "files of the package": files,
+    "export formats": export_formats,
 }
-PAGES = (DOCS / "architecture.md", DOCS / "files.md", DOCS / "reference" / "format.md")
+PAGES = (
+    DOCS / "architecture.md",
+    DOCS / "files.md",
+    DOCS / "reference" / "format.md",
+    DOCS / "guides" / "export.md",
+)
 
 
 def filled(text: str) -> str:

@@ -105,7 +105,7 @@ ARTICLE = Exporter(
     contents=ExportContents(
         written=("cameras/*/rgb", "cameras/*/depth", "cameras/*/segmentation"),
         left_out={
-            "cameras/*": "the layout has images only, of one camera: see the option camera",
+            "cameras/*": "the layout has one camera: see the option camera",
             "streams/*": "the layout has no time series",
             "imu/*": "the layout has no time series",
             "videos/*": "the layout has no videos",

@@ -184,7 +184,6 @@ SEQUENCES = Exporter(
         ),
         left_out={
             "streams/tactile_*": "a CSV file has no place for lists of contact points",
-            "cameras/*/visibility": "the layout has no place for it",
         },
         treatment={
             "depth": "16 bit, mm: rounded to 1 mm; NaN and more than 65.535 m are 0",
