@@ -29,7 +29,7 @@ PAGES = (
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\((?!https?:)([^)\s]*)\)")
 CODE = re.compile(r"`([^`\n]+)`")
-DOTTED = re.compile(r"\bgrasp_factory(?:\.[A-Za-z_]\w*)+")
+DOTTED = re.compile(r"\bgrasp_factory(?!\.json\b)(?:\.[A-Za-z_]\w*)+")
 PATH = re.compile(r"(?<![\w./-])(?:tests|grasp_factory|bin|docs|data_samples)/[\w./<>-]*")
 MODULE_RUN = re.compile(r"PYTHONPATH=tests python -m ([\w.]+)")
 WIDEST = 120
