@@ -1,0 +1,78 @@
+"""Bare loops of exports: read the episodes and encode them by the format's library, no more."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import tarfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.writers.exporters.images import PNG_LEVEL
+
+LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL]
+
+
+def article(dataset: Dataset, out: Path) -> None:
+    """Write PNG and .npy files of one camera, and a label."""
+    out.mkdir()
+    for i, episode in enumerate(dataset):
+        frames = next(iter(episode.cameras.values()))
+        for k in range(2):
+            cv2.imwrite(str(out / f"rgb_{k}_{i}.png"), frames.rgb[k][..., ::-1], LEVEL)
+            np.save(out / f"depth_{k}_{i}.npy", frames.depth[k])
+            np.save(out / f"seg_{k}_{i}.npy", frames.segmentation[k])
+        np.save(out / f"label_{i}.npy", np.array(episode.success))
+
+
+def sequences(dataset: Dataset, out: Path) -> None:
+    """Write PNG files of all cameras, CSV files by the module csv, and the columns as JSON."""
+    out.mkdir()
+    for i, episode in enumerate(dataset):
+        for name, frames in episode.cameras.items():
+            images = [*frames.rgb, *episode.videos.get(f"{name}/rgb", ())]
+            for k, image in enumerate(images):
+                cv2.imwrite(str(out / f"{i}_{name}_{k}.png"), image[..., ::-1], LEVEL)
+            for k in range(2):
+                depth = (frames.depth[k] * 1000.0).astype(np.uint16)
+                cv2.imwrite(str(out / f"{i}_{name}_{k}_depth.png"), depth, LEVEL)
+                cv2.imwrite(str(out / f"{i}_{name}_{k}_seg.png"), frames.segmentation[k], LEVEL)
+            groups = (episode.streams, {k: v for k, v in episode.imu.items() if k != "T_tcp_imu"})
+            for which, group in enumerate(groups):
+                tables = [v.reshape(len(v), -1) for v in group.values() if v.ndim < 4]
+                with (out / f"{i}_{name}_{which}.csv").open("w", newline="") as file:
+                    csv.writer(file).writerows(np.concatenate(tables, axis=1).tolist())
+        (out / f"{i}.json").write_text(json.dumps({"recipe": episode.spec.to_json()}))
+
+
+def webdataset(dataset: Dataset, out: Path) -> None:
+    """Write tar files with PNG and .npy files."""
+    out.mkdir()
+    with tarfile.open(out / "all.tar", "w") as tar:
+        for i, episode in enumerate(dataset):
+            for path, values in episode.contents().items():
+                if path.startswith("episodes/"):
+                    continue
+                if path.startswith("cameras/") and path.endswith(("/rgb", "/segmentation")):
+                    files = [cv2.imencode(".png", image, LEVEL)[1].tobytes() for image in values]
+                else:
+                    data = io.BytesIO()
+                    np.save(data, values)
+                    files = [data.getvalue()]
+                for k, content in enumerate(files):
+                    member = tarfile.TarInfo(f"{i}.{path.replace('/', '_')}.{k}")
+                    member.size = len(content)
+                    tar.addfile(member, io.BytesIO(content))
+
+
+BARE: Mapping[str, Callable[[Dataset, Path], None]] = {
+    "article": article,
+    "sequences": sequences,
+    "webdataset": webdataset,
+}
+"""By the name of the format."""
