@@ -197,6 +197,7 @@ def test_one_worker_makes_the_same_episodes(
     assert made == alone
 
 
+@pytest.mark.soak
 def test_it_passes_the_conformance_suite(python: Python) -> None:
     suite = TESTS / "conformance" / "test_sensors.py"
     out = python("-m", "pytest", suite, "-q", "-k", "elbow", "-p", "no:cacheprovider")
