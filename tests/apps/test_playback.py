@@ -19,7 +19,6 @@ from support.scenes import cube_spec
 from support.stored import varied, with_a_quarantined_row
 
 from grasp_factory.apps.playback import playback
-from grasp_factory.apps.playback import video_file as videofile
 from grasp_factory.apps.playback.playback import (
     CAPTION,
     END_S,
@@ -358,7 +357,7 @@ class TestAFile:
                 self._writer.release()
 
         writer = cv2.VideoWriter
-        monkeypatch.setattr(videofile.cv2, "VideoWriter", Full)
+        monkeypatch.setattr(cv2, "VideoWriter", Full)
 
         def write() -> None:
             with video_file(tmp_path / "v.mp4", (48, 32), 20.0, 2) as sink:

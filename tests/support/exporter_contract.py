@@ -110,7 +110,7 @@ class ExporterContract:
     @pytest.fixture
     def settings(self, exporter: Exporter) -> dict[str, Any]:
         names = {field.name for field in dataclasses.fields(exporter.parameters)}
-        return {name: 2 for name in names & {"episodes_per_shard"}}
+        return {name: 2 for name in names & {"episodes_per_shard", "episodes_per_file"}}
 
     @pytest.fixture
     def export(

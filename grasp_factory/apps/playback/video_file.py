@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from grasp_factory.apps.pictures.painting import BgrImage
+from grasp_factory.core.mp4_file import mp4_file
 from grasp_factory.core.output_file import FileKind, check_out, written_aside
 from grasp_factory.errors import UsageError
 
@@ -50,7 +51,7 @@ def video_file(path: Path, size: tuple[int, int], fps: float, frames: int) -> It
     """
     check_video(path, size, fps, frames)
     if check_out(path, KINDS) is MP4:
-        with written_aside(path) as partial, _mp4(partial, size, fps) as sink:
+        with written_aside(path) as partial, mp4_file(partial, size, fps) as sink:
             yield sink
         return
     animation = _Gif()
@@ -83,47 +84,6 @@ def check_video(path: Path, size: tuple[int, int], fps: float, frames: int) -> N
             f"a GIF of {frames} frames with {size[0]}x{size[1]} pixels needs {needed / 1e9:.1f} GB"
             " of memory: take fewer frames, a smaller --resolution, or a name that ends in .mp4"
         )
-
-
-class _Mp4:
-    """An MP4 file (MPEG-4 part 2, which every OpenCV has), written frame by frame."""
-
-    def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
-        self._path, self._pad = path, [(0, side % 2) for side in size[::-1]] + [(0, 0)]
-        even = (size[0] + size[0] % 2, size[1] + size[1] % 2)
-        self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), fps, even)  # type: ignore[attr-defined]
-        self._written = 0
-        if not self._writer.isOpened():
-            raise OSError("OpenCV cannot make an MP4 video there")
-
-    def add(self, image: BgrImage) -> None:
-        """Append a frame."""
-        self._writer.write(np.ascontiguousarray(np.pad(image, self._pad, "edge")))
-        self._written += 1
-
-    def finish(self) -> None:
-        """Write the rest, and check that no frame is missing: OpenCV does not report a full disk.
-
-        Raises:
-            OSError: if frames are missing.
-        """
-        self._writer.release()
-        reader = cv2.VideoCapture(str(self._path))
-        found = int(reader.get(cv2.CAP_PROP_FRAME_COUNT)) if reader.isOpened() else 0
-        reader.release()
-        if found != self._written:
-            raise OSError(f"{found} of {self._written} frames arrived; is the disk full?")
-
-    def close(self) -> None:
-        """Close the file."""
-        self._writer.release()
-
-
-@contextlib.contextmanager
-def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[_Mp4]:
-    with contextlib.closing(_Mp4(path, size, fps)) as sink:
-        yield sink
-        sink.finish()
 
 
 class _Gif:

@@ -13,10 +13,13 @@ from grasp_factory.writers.exporters.base import (
     ExportPart,
     NoSettings,
 )
+from grasp_factory.writers.exporters.lerobot import LEROBOT
 from grasp_factory.writers.exporters.sequences import SEQUENCES
 from grasp_factory.writers.exporters.webdataset import WEBDATASET
 
-EXPORTERS: Mapping[str, Exporter] = {row.name: row for row in (ARTICLE, SEQUENCES, WEBDATASET)}
+EXPORTERS: Mapping[str, Exporter] = {
+    row.name: row for row in (ARTICLE, LEROBOT, SEQUENCES, WEBDATASET)
+}
 
 __all__ = [
     "EXPORTERS",
