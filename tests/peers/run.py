@@ -3,7 +3,8 @@
 A peer is a folder beside this file:
 
 - ``requirements.txt``: what pip installs in the peer's own environment, with exact versions. If the
-  first line is ``# apt: NAME ...``, Debian's Python reads, with these packages.
+  first line is ``# apt: NAME ...``, Debian's Python reads, with these packages; if it is
+  ``# pip: OPTION ...``, pip gets these options.
 - ``read.py EXPORT OUT``: runs there. It imports the other project and NumPy, nothing of this one,
   and writes what the other project read to the file OUT, ``np.savez(out, **arrays)``.
 - ``compare.py``: runs here. ``FORMAT`` and ``SETTINGS`` say what is exported, ``GENERATE`` adds
@@ -43,7 +44,9 @@ def python_of(peer: str) -> str:
     if not installed.exists() or installed.read_text() != listed.read_text():
         shutil.rmtree(ENVIRONMENTS / peer, ignore_errors=True)
         subprocess.run([sys.executable, "-m", "venv", ENVIRONMENTS / peer], check=True)
-        subprocess.run([python, "-m", "pip", "install", "-q", "-r", listed], check=True)
+        more = first.removeprefix("# pip:").split() if first.startswith("# pip:") else []
+        command = [python, "-m", "pip", "install", "-q", *more, "-r", listed]
+        subprocess.run(command, check=True)
         shutil.copy(listed, installed)
     return str(python)
 
