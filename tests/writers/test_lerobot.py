@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from support.exporter_contract import cameras, make_store
 from support.fake_episodes import JOINTS, make_episode
 from support.helpers import assert_same_tree
+from support.lossy_video import assert_same_video
 from support.stored import varied
 
 from grasp_factory.dataset.dataset import Dataset
@@ -34,8 +35,6 @@ WITH_FRAMES = (0, 1, 3, 5)
 """Rows of ``make_store`` whose robot moved."""
 LEFT_OUT = ("rgb", "depth", "segmentation")
 """Images before and after the attempt."""
-VIDEO_DB = 30.0
-"""Peak signal-to-noise ratio that lossy videos at least have, dB."""
 
 
 WINDOWS = (
@@ -153,11 +152,6 @@ def fake(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return make_store(tmp_path_factory.mktemp("fake") / "store.zarr")
 
 
-def decibels(found: NDArray[np.uint8], wanted: NDArray[np.uint8]) -> float:
-    error = np.mean((found.astype(float) - wanted.astype(float)) ** 2)
-    return float(10.0 * np.log10(255.0**2 / max(error, 1e-9)))
-
-
 def compare(folder: LeRobotFolder, dataset: Dataset, rows: Any, *, is_exact: bool) -> None:
     """Compare every array of the store with what the folder has."""
     for k, row in enumerate(rows):
@@ -170,8 +164,7 @@ def compare(folder: LeRobotFolder, dataset: Dataset, rows: Any, *, is_exact: boo
                 if is_exact:
                     np.testing.assert_array_equal(found, values)
                 else:
-                    assert len(found) == len(values)
-                    assert decibels(found, values) > VIDEO_DB
+                    assert_same_video(found, values)
             elif group == "cameras" or name == "T_tcp_imu":
                 np.testing.assert_array_equal(folder.constant(path, k), values)
             else:

@@ -21,7 +21,7 @@ from lerobot.policies.act.configuration_act import ACTConfig
 from lerobot.policies.act.modeling_act import ACTPolicy
 from lerobot.policies.factory import make_pre_post_processors
 
-CHUNK, BATCH = 8, 8
+CHUNK, BATCH, TENTHS = 8, 8, 10
 export, steps = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 200
 
 torch.manual_seed(0)
@@ -48,17 +48,20 @@ dataset = LeRobotDataset(
     video_backend="pyav",
     delta_timestamps={"action": [k / meta.fps for k in range(CHUNK)]},
 )
+items = [dataset[i] for i in range(len(dataset))]  # few enough for the memory
 optimizer = torch.optim.AdamW(policy.get_optim_params(), lr=1e-4)
 losses, began = [], time.monotonic()
 while len(losses) < steps:
-    for batch in torch.utils.data.DataLoader(dataset, batch_size=BATCH, shuffle=True):
+    for batch in torch.utils.data.DataLoader(items, batch_size=BATCH, shuffle=True):
         loss, _ = policy(before(batch))
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         losses.append(loss.item())
+        if len(losses) % (steps // TENTHS) == 0:
+            print(f"{len(losses)} {np.mean(losses[-steps // TENTHS :]):.3f}", flush=True)
         if len(losses) == steps:
             break
-means = [float(np.mean(part)) for part in np.array_split(losses, 10)]
-print(f"{steps} steps in {time.monotonic() - began:.0f} s; loss:", *(f"{m:.3f}" for m in means))
-sys.exit(0 if np.isfinite(means).all() and means[-1] < means[0] / 2 else 1)
+first, *_, last = (float(np.mean(part)) for part in np.array_split(losses, TENTHS))
+print(f"{steps} steps in {time.monotonic() - began:.0f} s: loss {first:.3f} to {last:.3f}")
+sys.exit(0 if last < first / 2 else 1)
