@@ -52,6 +52,8 @@ OWNERS = {
     "rerun": {"apps/rerun"},
     "safetensors": {"policies/networks"},
     "sklearn": {"apps/learning"},
+    "pyarrow": {"writers/exporters/lerobot"},
+    "av": {"writers/exporters/lerobot"},
     "flask": {"apps/browse"},
     "waitress": {"apps/browse"},
     "werkzeug": {"apps/browse"},

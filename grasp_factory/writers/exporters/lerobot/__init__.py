@@ -63,6 +63,7 @@ LEROBOT = Exporter(
             "truth": "what a robot does not measure is named truth.*, and contact points and"
             " commands streams.*: policies take only observation.*",
             "constants": "arrays that are no series, such as intrinsics, are in extras/",
+            "numbers": "exact in the files; LeRobot's items have float32 in place of float64",
             "NaN": "kept; statistics leave it out",
             "statistics": "of observation*, action, next.* and the indices; a window's are over"
             " all its records, and 0 where there is no value",

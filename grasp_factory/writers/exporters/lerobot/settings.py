@@ -51,13 +51,16 @@ def excludes(episodes: Selection, settings: LeRobotSettings) -> Mapping[str, NDA
         require("av", extra="av")
     found = {NO_FRAMES: without_frames(episodes)}
     frames = episodes.column(VIDEOS.count).astype(np.int64)
-    for group in series_groups():
-        per_frame, rest = divmod(group.rate(episodes.config), episodes.config.video_hz)
+    rates = {group: group.rate(episodes.config) for group in series_groups()}
+    for group, rate in rates.items():
+        if not rate:
+            continue
+        per_frame, rest = divmod(rate, rates[VIDEOS])
         if rest:
             raise UsageError(
-                f"{episodes.sources[0].path}: the rate of {group.name} is"
-                f" {group.rate(episodes.config)} Hz, valid: a multiple of the videos' rate, which"
-                f" is {episodes.config.video_hz} Hz; generate a dataset with --video-hz 10"
+                f"{episodes.sources[0].path}: the rate of {group.name} is {rate} Hz, valid: a"
+                f" multiple of the videos' rate, which is {rates[VIDEOS]} Hz; generate a dataset"
+                " with --video-hz 10"
             )
         found[f"{group.title} end before the last frame"] = (
             episodes.column(group.count) < frames * per_frame
