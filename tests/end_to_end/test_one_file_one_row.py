@@ -254,7 +254,7 @@ ADDITIONS = {
         table="writers/exporters/__init__.py",
         imported="from grasp_factory.writers.exporters.outcomes import OUTCOMES",
         row="OUTCOMES, ",
-        before=r"EXPORTERS: .*\(",
+        before=r"EXPORTERS: (?s:.*?) for \w+ in \(",
     ),
     "command": Addition(
         file="cli/count_rows.py",

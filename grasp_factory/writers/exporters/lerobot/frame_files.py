@@ -30,7 +30,7 @@ https://github.com/huggingface/lerobot/blob/v0.4.4/src/lerobot/datasets/video_ut
 One thread (lp=1), because otherwise the bytes depend on the processor."""
 QUIET = ("SVT_LOG", "1")
 """The environment variable by which SVT-AV1 prints errors only:
-https://gitlab.com/AOMediaCodec/SVT-AV1/-/blob/master/Docs/Ffmpeg.md"""
+``svt_log.c`` of https://gitlab.com/AOMediaCodec/SVT-AV1"""
 CODEC_NAMES = {"mp4v": "mpeg4", "av1": "av1"}
 """FFmpeg's names, which LeRobot's info.json has."""
 
