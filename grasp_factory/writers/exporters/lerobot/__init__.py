@@ -14,7 +14,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
-from grasp_factory.writers.exporters.lerobot.settings import LeRobotSettings, excludes, split
+from grasp_factory.writers.exporters.lerobot.lerobot_settings import (
+    LeRobotSettings,
+    excludes,
+    split,
+)
 
 if TYPE_CHECKING:
     from grasp_factory.writers.exporters.lerobot.part_files import LeRobotPart

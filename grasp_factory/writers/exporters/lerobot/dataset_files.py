@@ -17,6 +17,7 @@ from grasp_factory.writers.exporters.lerobot.features import (
     windowed_series,
 )
 from grasp_factory.writers.exporters.lerobot.frame_files import CODEC_NAMES, PIXELS
+from grasp_factory.writers.exporters.lerobot.lerobot_settings import IMAGE
 from grasp_factory.writers.exporters.lerobot.numbering import (
     DATA,
     FILES_IN_CHUNK,
@@ -27,7 +28,6 @@ from grasp_factory.writers.exporters.lerobot.numbering import (
 )
 from grasp_factory.writers.exporters.lerobot.parquet_files import write_tasks
 from grasp_factory.writers.exporters.lerobot.part_files import LeRobotPart
-from grasp_factory.writers.exporters.lerobot.settings import IMAGE
 from grasp_factory.writers.exporters.lerobot.statistics import joined
 from grasp_factory.writers.exporters.selection import Selection
 

@@ -13,7 +13,7 @@ from grasp_factory.core.episode import Episode
 from grasp_factory.core.field import Field
 from grasp_factory.core.mp4_file import even_size
 from grasp_factory.core.sensors import series_groups
-from grasp_factory.writers.exporters.lerobot.settings import IMAGE
+from grasp_factory.writers.exporters.lerobot.lerobot_settings import IMAGE
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import EpisodeSteps
 

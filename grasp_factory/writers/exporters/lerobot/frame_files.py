@@ -16,8 +16,8 @@ from grasp_factory.core.mp4_file import even_size, mp4_file, with_even_sides
 from grasp_factory.writers.exporters.base import ExportJob
 from grasp_factory.writers.exporters.images import png
 from grasp_factory.writers.exporters.lerobot.features import IMAGES
+from grasp_factory.writers.exporters.lerobot.lerobot_settings import AV1, IMAGE
 from grasp_factory.writers.exporters.lerobot.numbering import VIDEO, new_file
-from grasp_factory.writers.exporters.lerobot.settings import AV1, IMAGE
 
 Images = Mapping[str, NDArray[np.uint8]]
 """Frames by camera, RGB (K, H, W, 3)."""

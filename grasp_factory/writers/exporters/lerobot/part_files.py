@@ -39,7 +39,7 @@ from grasp_factory.writers.exporters.lerobot.parquet_files import (
     write_rows,
 )
 from grasp_factory.writers.exporters.lerobot.statistics import (
-    Moments,
+    FrameMoments,
     joined,
     moments_of,
     moments_of_images,
@@ -52,7 +52,7 @@ class LeRobotPart:
     """What the files about all episodes need to know of a part."""
 
     features: Mapping[str, LeRobotFeature]
-    moments: Mapping[str, Moments]
+    moments: Mapping[str, FrameMoments]
     """Statistics of the part's frames, by feature."""
 
 
@@ -62,7 +62,7 @@ def write_part_files(job: ExportJob, part: ExportPart) -> LeRobotPart:
     series = {one.field.path: one for one in windowed_series(job.episodes)}
     rows: list[dict[str, Any]] = []
     extras: list[dict[str, NDArray[Any]]] = []
-    total: dict[str, Moments] = {}
+    total: dict[str, FrameMoments] = {}
     features: dict[str, LeRobotFeature] = {}
     data = new_file(job.folder, DATA, ".parquet", part.number)
     with parquet_file(data) as append, image_store(job, part.number) as store_images:
@@ -94,7 +94,7 @@ def write_part_files(job: ExportJob, part: ExportPart) -> LeRobotPart:
 
 def _moments(
     values: Mapping[str, NDArray[Any]], steps: EpisodeSteps, series: Mapping[str, WindowedSeries]
-) -> dict[str, Moments]:
+) -> dict[str, FrameMoments]:
     """Return the statistics of an episode's frames; of series, only of those for policies."""
     windows = {one.name: one.per_frame for one in series.values()}
     images = {f"{IMAGES}{camera}": frames for camera, frames in steps.images.items()}
@@ -143,7 +143,7 @@ def _labels(episode: Episode) -> dict[str, Any]:
 
 
 def _statistics(
-    moments: Mapping[str, Moments], features: Mapping[str, LeRobotFeature]
+    moments: Mapping[str, FrameMoments], features: Mapping[str, LeRobotFeature]
 ) -> dict[str, Any]:
     return {
         f"stats/{name}/{key}": value

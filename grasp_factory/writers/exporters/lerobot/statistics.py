@@ -17,7 +17,7 @@ _LEVELS = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moments:
+class FrameMoments:
     """Statistics of the values of some frames; those of several sets can be joined."""
 
     frames: int
@@ -29,7 +29,7 @@ class Moments:
     low: Array
     high: Array
 
-    def with_those_of(self, other: Moments) -> Moments:
+    def with_those_of(self, other: FrameMoments) -> FrameMoments:
         """Return the moments of both sets together.
 
         https://en.wikipedia.org/wiki/Algorithms_for_calculating_variance#Parallel_algorithm
@@ -37,7 +37,7 @@ class Moments:
         count = self.count + other.count
         share = other.count / np.maximum(count, 1)
         step = other.mean - self.mean
-        return Moments(
+        return FrameMoments(
             frames=self.frames + other.frames,
             count=count,
             mean=self.mean + step * share,
@@ -63,7 +63,7 @@ class Moments:
         }
 
 
-def moments_of(values: NDArray[Any], per_frame: int = 1) -> Moments:
+def moments_of(values: NDArray[Any], per_frame: int = 1) -> FrameMoments:
     """Return the moments of the values of frames, (frames, ...).
 
     Args:
@@ -78,7 +78,7 @@ def moments_of(values: NDArray[Any], per_frame: int = 1) -> Moments:
     finite = np.isfinite(numbers)
     count = finite.sum(axis=0)
     mean = np.where(finite, numbers, 0.0).sum(axis=0) / np.maximum(count, 1)
-    return Moments(
+    return FrameMoments(
         frames=frames,
         count=count,
         mean=mean,
@@ -88,7 +88,7 @@ def moments_of(values: NDArray[Any], per_frame: int = 1) -> Moments:
     )
 
 
-def moments_of_images(images: NDArray[np.uint8]) -> Moments:
+def moments_of_images(images: NDArray[np.uint8]) -> FrameMoments:
     """Return the moments of each channel, (3, 1, 1), of images (frames, H, W, 3)."""
     counts = np.zeros((3, _LEVELS))
     for image in images:
@@ -100,7 +100,7 @@ def moments_of_images(images: NDArray[np.uint8]) -> Moments:
     number = counts.sum(axis=1)
     mean = (counts * level).sum(axis=1) / number
     seen = counts > 0
-    return Moments(
+    return FrameMoments(
         frames=len(images),
         count=_of_channels(number).astype(np.int64),
         mean=_of_channels(mean),
@@ -114,7 +114,9 @@ def _of_channels(values: Array) -> Array:
     return values.reshape(3, 1, 1)
 
 
-def joined(first: Mapping[str, Moments], second: Mapping[str, Moments]) -> dict[str, Moments]:
+def joined(
+    first: Mapping[str, FrameMoments], second: Mapping[str, FrameMoments]
+) -> dict[str, FrameMoments]:
     """Return the moments of two sets of frames together, by feature."""
     return {
         name: first[name].with_those_of(one) if name in first else one
