@@ -97,11 +97,8 @@ def test_every_series_is_read_back_exactly(dataset: Dataset, out: Path) -> None:
                 for k, side in enumerate(("left", "right"))
             },
             **{
-                ("robot", tuple(f"{name.removesuffix('s')}_{k}" for k in range(joints))): streams[
-                    name
-                ]
-                for name in streams
-                if name.startswith("joint_")
+                ("robot", tuple(f"{JOINTS_IN_CSV[name]}_{k}" for k in range(joints))): streams[name]
+                for name in JOINTS_IN_CSV
             },
             **{("robot", (name,)): streams[name][:, None] for name in SCALARS},
             ("robot", tuple(f"tcp_{part}" for part in POSE)): streams["tcp_pose"],
@@ -118,6 +115,12 @@ def test_every_series_is_read_back_exactly(dataset: Dataset, out: Path) -> None:
         assert read == sum(len(table) for table in tables.values())
 
 
+JOINTS_IN_CSV = {
+    "joint_positions": "joint_position",
+    "joint_velocities": "joint_velocity",
+    "joint_torques": "joint_torque",
+    "joint_position_targets": "joint_position_target",
+}
 FILES = ("imu", "force", "tactile", "robot", "objects")
 SCALARS = (
     "gripper_width",
