@@ -4,7 +4,8 @@ A peer is a folder beside this file:
 
 - ``requirements.txt``: what pip installs in the peer's own environment, with exact versions. If the
   first line is ``# apt: NAME ...``, Debian's Python reads, with these packages; if it is
-  ``# pip: OPTION ...``, pip gets these options.
+  ``# pip: OPTION ...``, pip gets these options; if it is ``# source: URL COMMIT FOLDER``, the
+  repository is cloned, for software that pip cannot install, and Python finds its folder.
 - ``read.py EXPORT OUT``: runs there. It imports the other project and NumPy, nothing of this one,
   and writes what the other project read to the file OUT, ``np.savez(out, **arrays)``.
 - ``compare.py``: runs here. ``FORMAT`` and ``SETTINGS`` say what is exported, ``GENERATE`` adds
@@ -51,6 +52,19 @@ def python_of(peer: str) -> str:
     return str(python)
 
 
+def source_of(peer: str) -> str:
+    """Return the folder of the peer's cloned software; clone it first. Empty if there is none."""
+    first = (HERE / peer / "requirements.txt").read_text().splitlines()[0]
+    if not first.startswith("# source:"):
+        return ""
+    url, commit, folder = first.removeprefix("# source:").split()
+    clone = ENVIRONMENTS / f"{peer}-{commit}"
+    if not clone.exists():
+        subprocess.run(["git", "clone", "-q", "--no-checkout", url, clone], check=True)
+    subprocess.run(["git", "-C", clone, "checkout", "-q", commit], check=True)
+    return str(clone / folder)
+
+
 def check(peer: str, work: Path) -> str:
     """Generate, export, read and compare; return what was found as a line."""
     compare = importlib.import_module(f"peers.{peer}.compare")
@@ -63,7 +77,7 @@ def check(peer: str, work: Path) -> str:
     dataset, export, read = Dataset.open(store), work / peer, work / f"{peer}.npz"
     dataset.export(compare.FORMAT, export, **compare.SETTINGS)
     command = [python, str(HERE / peer / "read.py"), str(export), str(read)]
-    subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": ""})
+    subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": source_of(peer)})
     with np.load(read, allow_pickle=False) as arrays:
         equal = compare.compare(dataset, export, dict(arrays))
     return f"{peer}: {compare.FORMAT}: {equal} values are equal"

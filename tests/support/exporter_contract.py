@@ -33,6 +33,8 @@ N = 6
 QUARANTINED = 4
 ROWS = (3, 0, 5)
 """Not in order, and not all."""
+SETTINGS: dict[str, Any] = {"episodes_per_shard": 2, "episodes_per_file": 2, "camera": "front"}
+"""Settings for the exporters that have them: small parts; the store has no overhead camera."""
 
 
 def cameras(*names: str) -> dict[str, Any]:
@@ -54,8 +56,10 @@ def make_store(path: Path, **changes: Any) -> Dataset:
     return Dataset.open(path, checked=True)
 
 
-def export_until_killed(exporter: Exporter, dataset: Dataset, out: Path) -> None:
-    run_export(exporter, [(dataset, ROWS)], out, {}, on_episode=kill_this_process)
+def export_until_killed(
+    exporter: Exporter, dataset: Dataset, settings: dict[str, Any], out: Path
+) -> None:
+    run_export(exporter, [(dataset, ROWS)], out, settings, on_episode=kill_this_process)
 
 
 def kill_this_process() -> None:
@@ -110,7 +114,7 @@ class ExporterContract:
     @pytest.fixture
     def settings(self, exporter: Exporter) -> dict[str, Any]:
         names = {field.name for field in dataclasses.fields(exporter.parameters)}
-        return {name: 2 for name in names & {"episodes_per_shard", "episodes_per_file"}}
+        return {name: value for name, value in SETTINGS.items() if name in names}
 
     @pytest.fixture
     def export(
@@ -214,7 +218,7 @@ class ExporterContract:
         assert list(folder.iterdir()) == []
 
     def test_a_damaged_store_is_named_and_nothing_is_left(
-        self, exporter: Exporter, folder: Path, tmp_path: Path
+        self, exporter: Exporter, settings: dict[str, Any], folder: Path, tmp_path: Path
     ) -> None:
         dataset = make_store(tmp_path / "damaged.zarr")
         for file in (tmp_path / "damaged.zarr").rglob("*"):
@@ -222,14 +226,19 @@ class ExporterContract:
             if is_data:
                 file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
         with pytest.raises(StoreError, match="damaged"):
-            run_export(exporter, [(dataset, ROWS)], folder / "out", {})
+            run_export(exporter, [(dataset, ROWS)], folder / "out", settings)
         assert list(folder.iterdir()) == []
 
     def test_of_a_killed_process_only_a_hidden_folder_stays_which_the_next_run_removes(
-        self, exporter: Exporter, export: Callable[..., Exported], dataset: Dataset, out: Path
+        self,
+        exporter: Exporter,
+        export: Callable[..., Exported],
+        dataset: Dataset,
+        settings: dict[str, Any],
+        out: Path,
     ) -> None:
         spawn = multiprocessing.get_context("spawn")
-        process = spawn.Process(target=export_until_killed, args=(exporter, dataset, out))
+        process = spawn.Process(target=export_until_killed, args=(exporter, dataset, settings, out))
         process.start()
         process.join()
         assert process.exitcode == -signal.SIGKILL

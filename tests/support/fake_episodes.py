@@ -89,6 +89,7 @@ def make_episode(config: FactoryConfig, index: int, n_steps: int | None = None) 
             value = _random(rng, row, shape)
             columns[name] = value if value.ndim else value.item()
     target = spec.objects[0]
+    columns["grasp_position"] = _in_the_workspace(config, columns["grasp_position"])
     columns |= {
         "object_id": target.object_id,
         "object_set": target.object_set,
@@ -126,6 +127,12 @@ _OWN = (
     *("status", "checksum", "array_crc32c", "success", "outcome", "spec", "error", "seed", "index"),
     *("fingerprint", *(group.count for group in series_groups())),
 )
+
+
+def _in_the_workspace(config: FactoryConfig, values: Any) -> Any:
+    """Return positions (3,) near the middle of the workspace."""
+    lower, upper = np.array(config.workspace.lower), np.array(config.workspace.upper)
+    return (lower + upper) / 2.0 + 0.05 * values
 
 
 def _calibrated(name: str, values: Any) -> Any:

@@ -13,12 +13,26 @@ from grasp_factory.writers.exporters.base import (
     ExportPart,
     NoSettings,
 )
+from grasp_factory.writers.exporters.cornell import CORNELL
+from grasp_factory.writers.exporters.gqcnn import GQCNN
+from grasp_factory.writers.exporters.jacquard import JACQUARD
 from grasp_factory.writers.exporters.lerobot import LEROBOT
 from grasp_factory.writers.exporters.sequences import SEQUENCES
+from grasp_factory.writers.exporters.vgn import VGN
 from grasp_factory.writers.exporters.webdataset import WEBDATASET
 
 EXPORTERS: Mapping[str, Exporter] = {
-    row.name: row for row in (ARTICLE, LEROBOT, SEQUENCES, WEBDATASET)
+    row.name: row
+    for row in (
+        ARTICLE,
+        CORNELL,
+        GQCNN,
+        JACQUARD,
+        LEROBOT,
+        SEQUENCES,
+        VGN,
+        WEBDATASET,
+    )
 }
 
 __all__ = [
