@@ -39,9 +39,10 @@ WALLS = {
 OWNERS = {
     "pybullet": {"simulation/world"},
     "pybullet_data": {"simulation/world"},
-    "zarr": {"writers/zarr", "dataset"},
-    "numcodecs": {"writers/zarr"},
-    "google_crc32c": {"writers/zarr"},
+    "zarr": {"writers/zarr", "writers/exporters/replay_buffer_file.py", "dataset"},
+    "numcodecs": {"writers/zarr", "writers/exporters/replay_buffer_file.py"},
+    "google_crc32c": {"writers/zarr", "writers/exporters/tfrecord_file.py"},
+    "h5py": {"writers/exporters/robomimic.py", "writers/exporters/hdf5_file.py"},
     "click": {"__main__.py", "cli"},
     "sqlite3": {"dataset/index"},
     "trimesh": {"objects/importing", "simulation/make_link_hulls.py"},

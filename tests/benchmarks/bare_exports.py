@@ -6,14 +6,19 @@ import csv
 import io
 import json
 import tarfile
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import cv2
+import h5py
+import numcodecs
 import numpy as np
+import zarr
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.writers.exporters.images import PNG_LEVEL
+from grasp_factory.writers.exporters.steps import observations, steps_of
 
 LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL]
 
@@ -70,9 +75,61 @@ def webdataset(dataset: Dataset, out: Path) -> None:
                     tar.addfile(member, io.BytesIO(content))
 
 
+def robomimic(dataset: Dataset, out: Path) -> None:
+    """Write steps by h5py, images with gzip; episodes without frames are left out."""
+    out.mkdir()
+    with h5py.File(out / "all.hdf5", "w") as file:
+        for i, episode in enumerate(dataset):
+            if len(episode.videos["timestamp"]):
+                for name, values in observations(episode, steps_of(episode)).items():
+                    is_image = values.dtype == np.uint8 and values.ndim == 4
+                    how = {"chunks": (1, *values.shape[1:]), "compression": 1} if is_image else {}
+                    file.create_dataset(f"{i}/{name}", data=values, **how)
+
+
+def diffusion_policy(dataset: Dataset, out: Path) -> None:
+    """Write steps by zarr, a chunk for each image; episodes without frames are left out."""
+    root = zarr.create_group(out, zarr_format=2)
+    codec = numcodecs.Blosc(cname="zstd", clevel=1, shuffle=numcodecs.Blosc.NOSHUFFLE)
+    total, start = int(dataset.column("n_video").sum()), 0
+    for episode in dataset:
+        count = len(episode.videos["timestamp"])
+        if count:
+            for name, values in observations(episode, steps_of(episode)).items():
+                is_image = values.dtype == np.uint8 and values.ndim == 4
+                if name not in root:
+                    root.create_array(
+                        name,
+                        shape=(total, *values.shape[1:]),
+                        chunks=(1 if is_image else 1024, *values.shape[1:]),
+                        dtype=values.dtype,
+                        compressors=codec,
+                    )
+                root[name][start : start + count] = values
+        start += count
+
+
+def tfrecord(dataset: Dataset, out: Path) -> None:
+    """Write PNG of the frames, other images by zlib, and the bytes of all other arrays."""
+    out.mkdir()
+    for i, episode in enumerate(dataset):
+        with (out / f"{i}.bin").open("wb") as file:
+            for path, values in episode.contents().items():
+                if path.startswith("videos/") and path.endswith("/rgb"):
+                    for image in values:
+                        file.write(cv2.imencode(".png", image[..., ::-1], LEVEL)[1])
+                elif path.startswith("cameras/") and path.endswith(("rgb", "depth", "tion")):
+                    file.write(zlib.compress(values.tobytes(), 1))
+                else:
+                    file.write(values.tobytes())
+
+
 BARE: Mapping[str, Callable[[Dataset, Path], None]] = {
     "article": article,
+    "diffusion_policy": diffusion_policy,
+    "robomimic": robomimic,
     "sequences": sequences,
+    "tfrecord": tfrecord,
     "webdataset": webdataset,
 }
 """By the name of the format."""

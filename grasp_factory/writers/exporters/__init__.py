@@ -14,10 +14,13 @@ from grasp_factory.writers.exporters.base import (
     NoSettings,
 )
 from grasp_factory.writers.exporters.cornell import CORNELL
+from grasp_factory.writers.exporters.diffusion_policy import DIFFUSION_POLICY
 from grasp_factory.writers.exporters.gqcnn import GQCNN
 from grasp_factory.writers.exporters.jacquard import JACQUARD
 from grasp_factory.writers.exporters.lerobot import LEROBOT
+from grasp_factory.writers.exporters.robomimic import ROBOMIMIC
 from grasp_factory.writers.exporters.sequences import SEQUENCES
+from grasp_factory.writers.exporters.tfrecord import TFRECORD
 from grasp_factory.writers.exporters.vgn import VGN
 from grasp_factory.writers.exporters.webdataset import WEBDATASET
 
@@ -26,10 +29,13 @@ EXPORTERS: Mapping[str, Exporter] = {
     for row in (
         ARTICLE,
         CORNELL,
+        DIFFUSION_POLICY,
         GQCNN,
         JACQUARD,
         LEROBOT,
+        ROBOMIMIC,
         SEQUENCES,
+        TFRECORD,
         VGN,
         WEBDATASET,
     )

@@ -1,13 +1,15 @@
 """An episode as steps at the rate of its videos, for formats of policy learning.
 
 A step is a video frame with the record of the streams at the same time or last before it. The
-action of a step is the command of the next step; the last step has the last command.
+action of a step is the command of the next step; the last step has the last command. The reward of
+a step is the sum over its record and the records up to the next step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +35,10 @@ class EpisodeSteps:
     """Measured joint positions (rad) and gripper width (m), (K, J + 1)."""
     action: NDArray[np.float32]
     """Commanded joint positions (rad) and gripper width (m) of the next step, (K, J + 1)."""
+    reward: NDArray[np.float32]
+    """1 at the last step of a success, else 0, (K,)."""
+    streams: Mapping[str, NDArray[Any]]
+    """Every stream at the records of the steps, by name, (K, ...)."""
 
 
 def steps_of(episode: Episode) -> EpisodeSteps:
@@ -49,7 +55,31 @@ def steps_of(episode: Episode) -> EpisodeSteps:
         images={name: videos[f"{name}/rgb"] for name in episode.cameras},
         state=state[record],
         action=target[np.append(record[1:], episode.n_steps - 1)],
+        reward=_sums(streams["reward"], record),
+        streams={name: values[record] for name, values in streams.items()},
     )
+
+
+def observations(episode: Episode, steps: EpisodeSteps) -> dict[str, NDArray[Any]]:
+    """Return what is observed at each step, by name, each (K, ...).
+
+    These are the streams without the reward and, for each camera, ``<camera>_image`` and
+    ``<camera>_T_world_camera`` with the time ``video_timestamp``.
+    """
+    videos = {path: values for path, values in episode.videos.items() if "/" in path}
+    return {
+        **{name: values for name, values in steps.streams.items() if name != "reward"},
+        "video_timestamp": episode.videos["timestamp"],
+        **{
+            path.replace("/rgb", "/image").replace("/", "_"): values
+            for path, values in videos.items()
+        },
+    }
+
+
+def task_text(family: str) -> str:
+    """Return the task of an episode whose target is of a family of objects."""
+    return f"Grasp the {family.replace('_', ' ') or 'object'} and lift it."
 
 
 def without_frames(episodes: Selection) -> NDArray[np.bool_]:
@@ -65,6 +95,12 @@ def without_frames(episodes: Selection) -> NDArray[np.bool_]:
         )
     none: NDArray[np.bool_] = episodes.column("n_video") == 0
     return none
+
+
+def _sums(values: NDArray[np.float32], start: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return the sums of the values (T,) from each position ``start`` (K,) up to the next one."""
+    before = np.append(np.float32(0), np.cumsum(values, dtype=np.float32))
+    return np.diff(before[np.append(start, len(values))])
 
 
 def _with_width(joints: NDArray[np.float32], width: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.sensors import VIDEOS
 from grasp_factory.writers.exporters.selection import Selection
+from grasp_factory.writers.exporters.steps import task_text
 
 FILES_IN_CHUNK = 1000
 """``DEFAULT_CHUNK_SIZE`` in
@@ -50,11 +51,6 @@ def numbering_of(episodes: Selection) -> FrameNumbering:
         tasks=tasks,
         task=np.array([number[text] for text in texts]),
     )
-
-
-def task_text(family: str) -> str:
-    """Return the task of an episode whose target is of a family of objects."""
-    return f"Grasp the {family.replace('_', ' ') or 'object'} and lift it."
 
 
 def chunk_and_file(part: int) -> tuple[int, int]:
