@@ -66,6 +66,7 @@ COLUMN = Limit("column", 512 * 2**20, "a column of all rows")
 WORDS = Limit("words", 256 * 2**20, "the text of columns that are read together")
 EMBEDDED = Limit("embedded", 128 * 2**20, "embedded data")
 SEGMENT = Limit("segment", 256 * 2**20, "a column of a packed segment")
+MESH = Limit("triangles", 50_000, "an object's number of triangles", is_count=True)
 LOG = Limit("log", 8 * 2**20, "a log")
 SIGNED = Limit("signed", 128 * 2**20, "a list of signed files")
 DEPTH = Limit("depth", 32, "a depth of folders", is_count=True)
@@ -86,6 +87,7 @@ LIMITS = {
         WORDS,
         EMBEDDED,
         SEGMENT,
+        MESH,
         LOG,
         SIGNED,
         DEPTH,

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.dataset.annotations import Annotation, AnnotationLog
 from grasp_factory.dataset.annotations.values import checked_tag
 from grasp_factory.dataset.checked_reader import CheckedColumns, checked_arrays, checked_label
 from grasp_factory.dataset.episode_reader import Episodes
 from grasp_factory.dataset.episode_views import EpisodeViews
+from grasp_factory.dataset.object_meshes import recipe_mesh
 from grasp_factory.dataset.row_codec import NEEDED
 from grasp_factory.dataset.row_integrity import must_have_fingerprints
 from grasp_factory.dataset.row_lookup import RowIndex
@@ -166,6 +168,15 @@ class Dataset(EpisodeViews):
             StoreError: if the row is missing or damaged.
         """
         return self._readings.spec(self._rows.present(index)[0])
+
+    def object_mesh(self, recipe: ObjectSpec) -> TriangleMesh:
+        """Return the surface of an object of a recipe of this store, in the object's own frame.
+
+        Raises:
+            UsageError: if this machine cannot build it: the message says what to install or import.
+            StoreError: if the objects that the store contains are damaged or too large.
+        """
+        return recipe_mesh(self.path, self.config, recipe)
 
     def value(self, index: int, column: str) -> Any:
         """Return the value of one column for one episode; no other column is read.

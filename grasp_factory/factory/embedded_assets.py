@@ -6,9 +6,10 @@ from pathlib import Path
 
 from grasp_factory.core.cache import digest
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.dataset.object_meshes import unpack_objects
 from grasp_factory.errors import ConfigError, StoreError
 from grasp_factory.objects import find_set
-from grasp_factory.objects.folder_archive import pack_folder, unpack_folder
+from grasp_factory.objects.folder_archive import pack_folder
 from grasp_factory.policies import model_registry
 from grasp_factory.writers.zarr.embedded import MODELS, OBJECTS, embedded_in, read_embedded
 
@@ -63,18 +64,12 @@ def _is_here(path: str, sha256: str) -> bool:
 
 def _unpack_whole(path: Path, name: str, sha256: str, content: bytes) -> None:
     """Put embedded data into the cache, and check that the config names them."""
-    what = _in_words(name)
-    try:
-        found = digest(content) if _group(name) == MODELS else unpack_folder(content)
-    except StoreError as error:
-        raise StoreError(f"{path} is damaged: {what}: {error}") from None
-    if found != sha256:
-        raise StoreError(f"{path} is damaged: {what} is not what it was made with")
-    if _group(name) == MODELS:
-        model_registry.keep(content)
-
-
-def _in_words(path: str) -> str:
-    group, _, name = path.partition("/")
-    whose = "model of policy" if group == MODELS else "archive of object set"
-    return f"its {whose} {name!r}"
+    group, _, item = name.partition("/")
+    if group == OBJECTS:
+        unpack_objects(path, item, sha256, content)
+        return
+    if digest(content) != sha256:
+        raise StoreError(
+            f"{path} is damaged: its model of policy {item!r} is not what it was made with"
+        )
+    model_registry.keep(content)

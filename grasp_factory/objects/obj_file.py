@@ -51,6 +51,11 @@ def obj_text(solids: Sequence[Polyhedron]) -> str:
 
 @cache
 def triangles(path: Path) -> Array:
+    """Return the triangles of one of the few files that are used again and again."""
+    return read_triangles(path)
+
+
+def read_triangles(path: Path) -> Array:
     """Return the triangles (n, 3, 3) of all groups of a file; each face becomes a triangle fan."""
     vertices: list[list[float]] = []
     found = []

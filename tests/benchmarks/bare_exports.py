@@ -16,6 +16,7 @@ import numcodecs
 import numpy as np
 import zarr
 
+from grasp_factory.core.enums import Label
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.writers.exporters.images import PNG_LEVEL
 from grasp_factory.writers.exporters.steps import observations, steps_of
@@ -124,12 +125,62 @@ def tfrecord(dataset: Dataset, out: Path) -> None:
                     file.write(values.tobytes())
 
 
+def coco(dataset: Dataset, out: Path) -> None:
+    """Write PNG files, and the masks by pycocotools."""
+    from pycocotools import mask as coco_mask
+
+    out.mkdir()
+    rows = []
+    for i, episode in enumerate(dataset):
+        for name, frames in episode.cameras.items():
+            for k in range(2):
+                cv2.imwrite(str(out / f"{i}_{name}_{k}.png"), frames.rgb[k][..., ::-1], LEVEL)
+                for label in range(Label.ARM, Label.TARGET + len(episode.spec.objects)):
+                    mask = np.asfortranarray(frames.segmentation[k] == label).astype(np.uint8)
+                    found = coco_mask.encode(np.asfortranarray(mask))
+                    rows.append({"segmentation": found["counts"].decode()})
+    (out / "instances.json").write_text(json.dumps(rows))
+
+
+def bop(dataset: Dataset, out: Path) -> None:
+    """Write PNG files of colours, depth and each object's mask, without models."""
+    out.mkdir()
+    for i, episode in enumerate(dataset):
+        for name, frames in episode.cameras.items():
+            for k in range(2):
+                depth = (frames.depth[k] * 10_000.0).astype(np.uint16)
+                cv2.imwrite(str(out / f"{i}_{name}_{k}.png"), frames.rgb[k][..., ::-1], LEVEL)
+                cv2.imwrite(str(out / f"{i}_{name}_{k}_depth.png"), depth, LEVEL)
+                for m in range(len(episode.spec.objects)):
+                    mask = np.uint8(255) * (frames.segmentation[k] == Label.TARGET + m)
+                    cv2.imwrite(str(out / f"{i}_{name}_{k}_{m}.png"), mask, LEVEL)
+
+
+def ycb(dataset: Dataset, out: Path) -> None:
+    """Write PNG files of colours, depth and labels, and poses by SciPy, without models."""
+    from scipy.io import savemat
+
+    out.mkdir()
+    for i, episode in enumerate(dataset):
+        for name, frames in episode.cameras.items():
+            for k in range(2):
+                depth = (frames.depth[k] * 10_000.0).astype(np.uint16)
+                cv2.imwrite(str(out / f"{i}_{name}_{k}.png"), frames.rgb[k][..., ::-1], LEVEL)
+                cv2.imwrite(str(out / f"{i}_{name}_{k}_depth.png"), depth, LEVEL)
+                cv2.imwrite(str(out / f"{i}_{name}_{k}_label.png"), frames.segmentation[k], LEVEL)
+                poses = episode.columns["object_rest_pose"]
+                savemat(out / f"{i}_{name}_{k}.mat", {"K": frames.intrinsics, "poses": poses})
+
+
 BARE: Mapping[str, Callable[[Dataset, Path], None]] = {
     "article": article,
     "diffusion_policy": diffusion_policy,
     "robomimic": robomimic,
+    "bop": bop,
+    "coco": coco,
     "sequences": sequences,
     "tfrecord": tfrecord,
     "webdataset": webdataset,
+    "ycb": ycb,
 }
 """By the name of the format."""

@@ -47,7 +47,7 @@ LINES: Mapping[str, tuple[str, ...]] = {
     "sheet": ("{store} {out}/s.png",),
     "plot": ("{store} 0 {out}/p.png",),
     "rerun": ("{store} 0 --out {out}/r.rrd",),
-    "export": ("{store} {out}/export --to webdataset",),
+    "export": ("{store} {out}/export --to webdataset", "{store} {out}/bop --to bop"),
     "repair": ("{store} --workers 1",),
     "index": ("{store} --out {out}/i.sqlite",),
     "sign": ("{store} --key {key}",),

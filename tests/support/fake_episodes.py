@@ -30,15 +30,18 @@ def make_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
     """Return the recipe of episode ``index``, the same for the same arguments."""
     rng = np.random.default_rng([config.seed, index, 0])
     target = ObjectSpec(
-        object_set="blobs",
-        object_id=f"blob_{rng.integers(100):03d}",
-        family="blob",
+        object_set="procedural",
+        object_id=f"procedural/box/{rng.integers(100)}",
+        family="box",
         split=str(rng.choice(["train", "val", "test"])),
         mass=float(rng.uniform(0.05, 0.5)),
         lateral_friction=float(rng.uniform(0.5, 1.0)),
         drop_pose=Pose(tuple(rng.normal(size=3).tolist()), (0.0, 0.0, 0.0, 1.0)),
     )
-    others = [replace(target, object_id=f"other_{i}") for i in range(1, config.clutter.count)]
+    others = [
+        replace(target, object_id=f"procedural/ring/{i}", family="ring")
+        for i in range(1, config.clutter.count)
+    ]
     return EpisodeSpec(
         index=index,
         seed=config.seed,

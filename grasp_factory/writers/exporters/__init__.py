@@ -13,6 +13,8 @@ from grasp_factory.writers.exporters.base import (
     ExportPart,
     NoSettings,
 )
+from grasp_factory.writers.exporters.bop import BOP
+from grasp_factory.writers.exporters.coco import COCO
 from grasp_factory.writers.exporters.cornell import CORNELL
 from grasp_factory.writers.exporters.diffusion_policy import DIFFUSION_POLICY
 from grasp_factory.writers.exporters.gqcnn import GQCNN
@@ -23,11 +25,14 @@ from grasp_factory.writers.exporters.sequences import SEQUENCES
 from grasp_factory.writers.exporters.tfrecord import TFRECORD
 from grasp_factory.writers.exporters.vgn import VGN
 from grasp_factory.writers.exporters.webdataset import WEBDATASET
+from grasp_factory.writers.exporters.ycb import YCB
 
 EXPORTERS: Mapping[str, Exporter] = {
     row.name: row
     for row in (
         ARTICLE,
+        BOP,
+        COCO,
         CORNELL,
         DIFFUSION_POLICY,
         GQCNN,
@@ -38,6 +43,7 @@ EXPORTERS: Mapping[str, Exporter] = {
         TFRECORD,
         VGN,
         WEBDATASET,
+        YCB,
     )
 }
 

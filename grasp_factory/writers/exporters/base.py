@@ -57,6 +57,8 @@ class ExportJob:
     """Another folder, for files that the export does not keep."""
     settings: Any
     """An instance of the exporter's ``parameters``."""
+    prepared: Any = None
+    """What ``Exporter.prepare`` returned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +99,10 @@ def no_exclusions(episodes: Selection, settings: Any) -> Mapping[str, NDArray[np
     return {}
 
 
+def nothing(episodes: Selection, settings: Any) -> None:
+    """Prepare nothing; the default for ``Exporter.prepare``."""
+
+
 def equal_parts(episodes: Selection, settings: Any) -> list[range]:
     """Split the episodes into parts of ``EPISODES_PER_PART``; the last may be smaller."""
     return parts_of(len(episodes), EPISODES_PER_PART)
@@ -127,6 +133,10 @@ class Exporter:
     excludes: Callable[[Selection, Any], Mapping[str, NDArray[np.bool_]]] = no_exclusions
     """Returns the episodes that the format cannot hold, as one mask (n,) for each reason. It may
     raise ``UsageError`` for episodes or settings that cannot be exported together."""
+    prepare: Callable[[Selection, Any], Any] = nothing
+    """Returns what each part needs to know of all episodes, such as the numbers of classes: small,
+    picklable data. It runs once, before the parts, on the episodes that are not excluded, and may
+    raise ``UsageError`` as ``excludes`` does."""
     split: Callable[[Selection, Any], Sequence[Sequence[int]]] = equal_parts
     """Returns the parts: places of episodes, each in one part."""
     read_back: Callable[[ExportFolder, int], Mapping[str, NDArray[Any]]] | None = None

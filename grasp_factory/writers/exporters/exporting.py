@@ -74,13 +74,20 @@ def run_export(
     record = exporter.settings(settings)
     _check_place(out)
     episodes, excluded = _held(exporter, select(chosen), record)
+    prepared = exporter.prepare(episodes, record)
     on_start(len(episodes))
     try:
         with scratch_folder(out.parent, f"{out.name[:_LONGEST_PREFIX]}.exporting") as scratch:
             built, aside, lines = (scratch / name for name in ("out", "aside", "lines"))
             for folder in (built, aside, lines):
                 folder.mkdir()
-            job = ExportJob(episodes=episodes, folder=built, aside=aside, settings=record)
+            job = ExportJob(
+                episodes=episodes,
+                folder=built,
+                aside=aside,
+                settings=record,
+                prepared=prepared,
+            )
             _write(exporter, job, lines, workers, on_episode)
             write_record(job, exporter, excluded, sorted(lines.iterdir()))
             size = sum(file.stat().st_size for file in built.rglob("*") if file.is_file())

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.episode import Episode
+from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.core.schema import Field
+from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
@@ -61,6 +62,15 @@ class EpisodeSource(Protocol):
 
     def value(self, index: int, column: str) -> Any:
         """Return one column's value of one episode."""
+
+    def spec(self, index: int) -> EpisodeSpec:
+        """Return the recipe of the episode at a row."""
+
+    def object_mesh(self, recipe: ObjectSpec) -> TriangleMesh:
+        """Return the surface of an object of a recipe, in the object's own frame.
+
+        Raises ``UsageError`` if this machine cannot build it.
+        """
 
     def label(self, name: str) -> NDArray[np.uint8]:
         """Return an added label's outcomes; rows added later have none, so it may be shorter."""
@@ -132,6 +142,19 @@ class Selection:
         """Return one column's value of an episode; only its chunk is read."""
         store, row = self.origin(place)
         return self.sources[store].value(row, column)
+
+    def spec(self, place: int) -> EpisodeSpec:
+        """Return the recipe of an episode; no other array is read."""
+        store, row = self.origin(place)
+        return self.sources[store].spec(row)
+
+    def object_mesh(self, place: int, recipe: ObjectSpec) -> TriangleMesh:
+        """Return the surface of an object of an episode's recipe, in the object's own frame.
+
+        Raises:
+            UsageError: if this machine cannot build it.
+        """
+        return self.sources[self.origin(place)[0]].object_mesh(recipe)
 
 
 def select(chosen: Sequence[tuple[EpisodeSource, Sequence[int]]]) -> Selection:
