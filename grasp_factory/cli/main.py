@@ -18,6 +18,7 @@ from grasp_factory.cli.card import card
 from grasp_factory.cli.check_physics import check_physics
 from grasp_factory.cli.export import export
 from grasp_factory.cli.generate import generate
+from grasp_factory.cli.import_data import import_
 from grasp_factory.cli.index import index
 from grasp_factory.cli.info import info
 from grasp_factory.cli.listings import cameras, objects, policies, robots, sensors
@@ -49,6 +50,7 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),
     "Search and annotate episodes": (index, query, tag, tags),
     "Check, change and export a dataset": (verify, repair, sign, relabel, merge, split, export),
+    "Use recordings of real robots": (import_,),
     "Train on a dataset": (train, learning_curve, flywheel),
 }
 """Heading in the help to subcommands."""

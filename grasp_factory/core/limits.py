@@ -30,6 +30,8 @@ class Limit:
     """The thing, in a message."""
     is_count: bool = False
     """Whether the size is a count and not a number of bytes."""
+    source: str = "store"
+    """What is read, in a message."""
 
     @property
     def most(self) -> int:
@@ -55,7 +57,7 @@ class Limit:
     def advice(self) -> str:
         """The end of a message: how to raise the limit."""
         what = f"grasp-factory --limit {self.name}={'N' if self.is_count else 'SIZE'} ..."
-        return f"if you trust this store, raise the limit: {what}"
+        return f"if you trust this {self.source}, raise the limit: {what}"
 
 
 DOCUMENT = Limit("document", 4 * 2**20, "a JSON document")
@@ -76,6 +78,9 @@ LABELS = Limit("labels", 100, "a number of added labels", is_count=True)
 SIMULATIONS = Limit("simulations", 1000, "a number of rows to simulate again", is_count=True)
 MEMORY = Limit("memory", 768 * 2**20, "the memory of a simulation from a store's recipe")
 CPU = Limit("seconds", 8, "the CPU time of a simulation from a store's recipe", is_count=True)
+BAG_MEMORY = Limit("bag-memory", 2**30, "the memory to read a bag", source="bag")
+BAG_FILE = Limit("bag-file", 4 * 2**30, "a file of a bag, or extracted from one,", source="bag")
+BAG_CPU = Limit("bag-seconds", 3600, "the CPU time to read a bag", is_count=True, source="bag")
 LIMITS = {
     limit.name: limit
     for limit in (
@@ -97,6 +102,9 @@ LIMITS = {
         SIMULATIONS,
         MEMORY,
         CPU,
+        BAG_MEMORY,
+        BAG_FILE,
+        BAG_CPU,
     )
 }
 

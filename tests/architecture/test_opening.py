@@ -45,6 +45,10 @@ OPENS: Mapping[str, str] = {
     ),
     **dict.fromkeys(
         (
+            "apps/bag_import/camera_sequence.py",
+            "apps/bag_import/image_folder.py",
+            "apps/bag_import/sequence_layout.py",
+            "apps/bag_import/series_file.py",
             "apps/card/folder.py",
             "apps/card/making.py",
             "apps/card/table.py",
@@ -56,6 +60,7 @@ OPENS: Mapping[str, str] = {
             "core/atomic_file.py",
             "core/mp4_file.py",
             "core/output_file.py",
+            "core/output_folder.py",
             "factory/dry_run_pilots.py",
         ),
         "an output, or a folder that was just made for it",
@@ -80,6 +85,7 @@ OPENS: Mapping[str, str] = {
     **dict.fromkeys(
         ("__main__.py", "core/machine.py", "core/executors/limited.py"), "/dev/null, /proc"
     ),
+    "apps/bag_import/bag_file.py": "a bag of the user, read in a process with limits",
     "curation/signing.py": "the user's public key, temporary files of ssh-keygen",
     "dataset/annotations/log.py": "a descriptor",
     "factory/run_log.py": "a descriptor",

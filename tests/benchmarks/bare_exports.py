@@ -15,6 +15,7 @@ import h5py
 import numcodecs
 import numpy as np
 import zarr
+from benchmarks.bare_rosbag import rosbag2
 
 from grasp_factory.core.enums import Label
 from grasp_factory.dataset.dataset import Dataset
@@ -178,6 +179,7 @@ BARE: Mapping[str, Callable[[Dataset, Path], None]] = {
     "robomimic": robomimic,
     "bop": bop,
     "coco": coco,
+    "rosbag2": rosbag2,
     "sequences": sequences,
     "tfrecord": tfrecord,
     "webdataset": webdataset,

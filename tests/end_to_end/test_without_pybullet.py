@@ -13,6 +13,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from support import bags
 from support.browse_process import Running, browsing
 from support.browser import chromium
 from support.environments import PYBULLET, environment
@@ -53,6 +54,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "merge": ("merged.zarr tiny.zarr",),
     "split": ("tiny.zarr few.zarr --episodes 0,2",),
     "export": ("",),
+    "import": ("drive.bag --list", "drive.bag out --to sequences"),
     "train": ("learn.zarr --epochs 1",),
     "learning-curve": ("learn.zarr --sizes 8 --seeds 1 --epochs 1",),
     "browse": (),  # below
@@ -128,6 +130,7 @@ def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(varied(), folder / "panda.zarr")
     plain = {"seed": 92, "resolution": [64, 48], "physics": to_plain(PHYSICS_PRESETS["fast"])}
     generate(FactoryConfig.from_plain(plain), 16, folder / "learn.zarr", workers=1)
+    bags.ros1(folder / "drive.bag", [("/ft", bags.WRENCH, 0, bags.wrench((0, 0, 1), (0, 0, 0)))])
     (folder / "meshes").mkdir()
     corners = itertools.product((0.0, 0.04), repeat=3)
     faces = "1 2 4 3|5 7 8 6|1 5 6 2|3 4 8 7|1 3 7 5|2 6 8 4".split("|")

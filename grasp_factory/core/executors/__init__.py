@@ -10,7 +10,7 @@ from grasp_factory.core.executors.base import (
     Silence,
     Task,
 )
-from grasp_factory.core.executors.limited import LimitedExecutor
+from grasp_factory.core.executors.limited import LimitedExecutor, ProcessLimits
 from grasp_factory.core.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "InlineExecutor",
     "LimitedExecutor",
     "ProcessExecutor",
+    "ProcessLimits",
     "Recover",
     "SendMessage",
     "Silence",

@@ -1,7 +1,7 @@
-"""Limits of memory and time for a task that simulates what a store says.
+"""Limits of memory and time for a task that does what a stranger's file says.
 
 A recipe whose values are all valid may still ask for more than a machine has. The task runs in a
-worker process, so that an abort of the physics engine ends the worker alone.
+worker process, so that an abort of the physics engine or of a decoder ends the worker alone.
 """
 
 from __future__ import annotations
@@ -27,9 +27,25 @@ from grasp_factory.core.executors.base import (
     give_up,
 )
 from grasp_factory.core.executors.pool import ProcessExecutor
-from grasp_factory.core.limits import CHUNK, CPU, MEMORY
+from grasp_factory.core.limits import CHUNK, CPU, MEMORY, Limit
 from grasp_factory.core.text_format import size_text
 from grasp_factory.errors import LimitError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessLimits:
+    """How much a worker process may use."""
+
+    what: str
+    """What it does, the subject of a message."""
+    memory: Limit
+    cpu: Limit
+    """Processor time of each job, s."""
+    file: Limit
+    """Bytes of each file that it writes."""
+
+
+SIMULATION = ProcessLimits(what="the simulation", memory=MEMORY, cpu=CPU, file=CHUNK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +53,7 @@ class LimitedExecutor(Executor):
     """Runs a task in worker processes with limits."""
 
     workers: int
+    limits: ProcessLimits = SIMULATION
 
     def run(
         self,
@@ -52,7 +69,7 @@ class LimitedExecutor(Executor):
             LimitError: if a job needs more memory or time than the limits allow.
         """
         executor = ProcessExecutor(self.workers)
-        return executor.run(Limited(task), jobs, report, recover, silence)
+        return executor.run(Limited(task, self.limits), jobs, report, recover, silence)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +77,7 @@ class Limited:
     """A task that limits the process it runs in: memory, CPU time of each job, size of files."""
 
     task: Task[Any, Any]
+    limits: ProcessLimits
 
     def __call__(self, job: Any, report: SendMessage) -> Any:
         """Do a job.
@@ -67,25 +85,26 @@ class Limited:
         Raises:
             LimitError: if it needs more memory or time.
         """
-        _limit_process()
+        memory, cpu = self.limits.memory, self.limits.cpu
+        _set(resource.RLIMIT_DATA, _used_memory() + memory.most)
+        _set(resource.RLIMIT_FSIZE, self.limits.file.most)
+        _set(resource.RLIMIT_CORE, 0)
+        signal.signal(signal.SIGXCPU, self._stop)
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        _set(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime) + cpu.most)
         try:
             return self.task(job, report)
         except MemoryError:
-            most = size_text(MEMORY.most)
+            most = size_text(memory.most)
             raise LimitError(
-                f"the simulation needs more than {most} of memory; {MEMORY.advice}"
+                f"{self.limits.what} needs more than {most} of memory; {memory.advice}"
             ) from None
         finally:
             _set(resource.RLIMIT_CPU, resource.RLIM_INFINITY)
 
-
-def _limit_process() -> None:
-    _set(resource.RLIMIT_DATA, _used_memory() + MEMORY.most)
-    _set(resource.RLIMIT_FSIZE, CHUNK.most)
-    _set(resource.RLIMIT_CORE, 0)
-    signal.signal(signal.SIGXCPU, _stop)
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    _set(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime) + CPU.most)
+    def _stop(self, number: int, frame: FrameType | None) -> NoReturn:
+        cpu = self.limits.cpu
+        raise LimitError(f"{self.limits.what} takes more than {cpu.most} s; {cpu.advice}")
 
 
 @cache
@@ -107,7 +126,3 @@ def _set(which: int, most: int) -> None:
     if highest != resource.RLIM_INFINITY and not 0 <= most <= highest:
         most = highest
     resource.setrlimit(which, (most, highest))
-
-
-def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    raise LimitError(f"the simulation takes more than {CPU.most} s; {CPU.advice}")

@@ -21,6 +21,7 @@ from grasp_factory.writers.exporters.gqcnn import GQCNN
 from grasp_factory.writers.exporters.jacquard import JACQUARD
 from grasp_factory.writers.exporters.lerobot import LEROBOT
 from grasp_factory.writers.exporters.robomimic import ROBOMIMIC
+from grasp_factory.writers.exporters.rosbag.formats import ROSBAG1, ROSBAG2
 from grasp_factory.writers.exporters.sequences import SEQUENCES
 from grasp_factory.writers.exporters.tfrecord import TFRECORD
 from grasp_factory.writers.exporters.vgn import VGN
@@ -39,6 +40,8 @@ EXPORTERS: Mapping[str, Exporter] = {
         JACQUARD,
         LEROBOT,
         ROBOMIMIC,
+        ROSBAG1,
+        ROSBAG2,
         SEQUENCES,
         TFRECORD,
         VGN,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,7 +12,7 @@ import numpy as np
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.executors import SendMessage, make_executor
-from grasp_factory.core.output_file import is_in_store
+from grasp_factory.core.output_folder import check_free, publish
 from grasp_factory.core.place import place_at
 from grasp_factory.core.place_tree import fsync_tree
 from grasp_factory.core.scratch_folder import scratch_folder
@@ -23,7 +21,6 @@ from grasp_factory.writers.exporters.base import ExportContents, Exporter, Expor
 from grasp_factory.writers.exporters.export_record import episode_line, write_record
 from grasp_factory.writers.exporters.selection import EpisodeSource, Selection, select
 
-_OCCUPIED = "exists, and an export overwrites nothing: choose another name"
 _LONGEST_PREFIX = 40
 """Characters of the name that the hidden scratch folder repeats: file systems limit its length."""
 
@@ -72,7 +69,7 @@ def run_export(
     """
     exporter.check_libraries()
     record = exporter.settings(settings)
-    _check_place(out)
+    check_free(out, "an export")
     episodes, excluded = _held(exporter, select(chosen), record)
     prepared = exporter.prepare(episodes, record)
     on_start(len(episodes))
@@ -92,7 +89,7 @@ def run_export(
             write_record(job, exporter, excluded, sorted(lines.iterdir()))
             size = sum(file.stat().st_size for file in built.rglob("*") if file.is_file())
             fsync_tree(place_at(built))
-            _publish(built, out)
+            publish(built, out, "an export")
     except OSError as error:
         raise StoreError(f"{out} cannot be written: {error.strerror or error}") from None
     return Exported(
@@ -163,29 +160,3 @@ def _give_up(part: Any, why: str) -> Any:
         f"a worker was lost ({why}), so nothing was written; run the same command again, or with"
         " fewer workers if memory was short"
     )
-
-
-def _check_place(out: Path) -> None:
-    if not out.parent.is_dir():
-        raise UsageError(f"{out}: the folder {out.parent} does not exist")
-    if is_in_store(out):
-        raise UsageError(f"{out} is inside a store, which holds data only: choose another folder")
-    if os.path.lexists(out):
-        raise UsageError(f"{out} {_OCCUPIED}")
-
-
-def _publish(built: Path, out: Path) -> None:
-    """Move the result to its place, unless something exists there by now.
-
-    An empty folder reserves the name first, and the move replaces it.
-    """
-    try:
-        out.mkdir()
-    except FileExistsError:
-        raise UsageError(f"{out} {_OCCUPIED}") from None
-    try:
-        os.replace(built, out)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            out.rmdir()
-        raise

@@ -1,0 +1,150 @@
+"""The topics of a bag that are imported, and what each is for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
+from rosbags.typesys import Stores, get_typestore
+
+from grasp_factory.apps.bag_import.bag_file import raw_messages, reading
+from grasp_factory.apps.bag_import.pixel_decoding import (
+    DecodedImage,
+    decode_compressed_image,
+    decode_image,
+)
+from grasp_factory.apps.bag_import.series_rows import SERIES_KINDS
+from grasp_factory.errors import GraspFactoryError, UsageError, lookup
+
+_IMAGES = {
+    "sensor_msgs/msg/Image": decode_image,
+    "sensor_msgs/msg/CompressedImage": decode_compressed_image,
+}
+_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+KINDS = (*_IMAGES, _CAMERA_INFO, *SERIES_KINDS)
+"""Types of messages that are imported."""
+_MOST_TOPICS = 500
+"""Each has open files."""
+
+
+class TopicRole(Enum):
+    """What the messages of a topic are."""
+
+    COLOUR = "colour"
+    """Colour or grey images."""
+    DEPTH = "depth"
+    CAMERA_INFO = "camera_info"
+    SERIES = "series"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BagTopic:
+    """A topic to import."""
+
+    name: str
+    kind: str
+    """Type of its messages, one of ``KINDS``."""
+    role: TopicRole
+    connections: tuple[Connection, ...]
+
+    def image(self, message: Any) -> DecodedImage:
+        """Return the image of a message.
+
+        Raises:
+            ValueError: if it cannot be decoded, or is depth where the first one is not.
+        """
+        image = _IMAGES[self.kind](message)
+        if image.is_depth is not (self.role is TopicRole.DEPTH):
+            raise ValueError("a depth image and a colour image on one topic")
+        return image
+
+
+def choose_topics(
+    bag: Path, reader: AnyReader, names: Sequence[str]
+) -> tuple[list[BagTopic], dict[str, str]]:
+    """Return the topics to import by name, and for those that are left out the reason.
+
+    Args:
+        bag: the bag, for messages.
+        reader: its reader.
+        names: the topics to import; none for all.
+
+    Raises:
+        UsageError: for an unknown name, or one that cannot be imported.
+        StoreError: if the bag is damaged.
+    """
+    found: dict[str, list[Connection]] = {}
+    for connection in reader.connections:
+        found.setdefault(connection.topic, []).append(connection)
+    for name in names:
+        lookup(found, "topic", name)
+    chosen: list[BagTopic] = []
+    left_out: dict[str, str] = {}
+    for name in sorted(names or found):
+        try:
+            chosen.append(_topic(bag, reader, name, found[name]))
+        except ValueError as error:
+            if names:
+                raise UsageError(f"{bag}: the topic {name} cannot be imported: {error}") from None
+            left_out[name] = str(error)
+    if not chosen:
+        raise UsageError(f"{bag} has no messages to import; valid types: {', '.join(KINDS)}")
+    if len(chosen) > _MOST_TOPICS:
+        raise UsageError(f"{bag}: got {len(chosen)} topics, valid: up to {_MOST_TOPICS}")
+    return chosen, left_out
+
+
+def message_of(reader: AnyReader, connection: Connection, data: bytes) -> Any:
+    """Return a message.
+
+    Raises:
+        ValueError: if its bytes do not fit its type.
+    """
+    try:
+        return reader.deserialize(data, connection.msgtype)
+    except (MemoryError, GraspFactoryError):
+        raise
+    except Exception as error:
+        raise ValueError(f"the bytes are no {connection.msgtype}: {error}") from None
+
+
+def _topic(bag: Path, reader: AnyReader, name: str, connections: list[Connection]) -> BagTopic:
+    """Return a topic; raise ValueError with the reason if it cannot be imported."""
+    kinds = {connection.msgtype for connection in connections}
+    kind = min(kinds)
+    if len(kinds) > 1:
+        raise ValueError(f"it has messages of several types: {', '.join(sorted(kinds))}")
+    if kind not in KINDS:
+        raise ValueError(f"{kind} has no place in the layout")
+    with reading(bag):
+        is_standard = _is_standard(reader, kind)
+    if not is_standard:
+        raise ValueError(f"the bag's definition of {kind} is not that of ROS")
+    first = next(raw_messages(bag, reader, connections), None)
+    if first is None:
+        raise ValueError("it has no messages")
+    role = _role(kind, message_of(reader, first[0], first[2]))
+    return BagTopic(name=name, kind=kind, role=role, connections=tuple(connections))
+
+
+def _role(kind: str, first: Any) -> TopicRole:
+    if kind == _CAMERA_INFO:
+        return TopicRole.CAMERA_INFO
+    if kind not in _IMAGES:
+        return TopicRole.SERIES
+    return TopicRole.DEPTH if _IMAGES[kind](first).is_depth else TopicRole.COLOUR
+
+
+def _is_standard(reader: AnyReader, kind: str) -> bool:
+    """Return whether the bag means by a type of messages what ROS means by it."""
+    if reader.is2:
+        humble = get_typestore(Stores.ROS2_HUMBLE)
+        return reader.typestore.hash_rihs01(kind) == humble.hash_rihs01(kind)
+    _, md5 = reader.typestore.generate_msgdef(kind)
+    _, standard = get_typestore(Stores.ROS1_NOETIC).generate_msgdef(kind)
+    return md5 == standard

@@ -1,0 +1,146 @@
+"""Reading a bag: its topics, or its messages into the files of a layout."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+
+from grasp_factory.apps.bag_import.article_layout import ArticleLayout
+from grasp_factory.apps.bag_import.bag_file import opened, raw_messages
+from grasp_factory.apps.bag_import.bag_topics import BagTopic, choose_topics, message_of
+from grasp_factory.apps.bag_import.import_layout import ImportLayout
+from grasp_factory.apps.bag_import.sequence_layout import SequenceLayout
+from grasp_factory.apps.bag_import.topic_listing import TopicFacts, topics_of
+from grasp_factory.core.executors import SendMessage
+from grasp_factory.errors import StoreError, UsageError
+
+LAYOUTS: Mapping[str, Callable[[Path, Sequence[BagTopic]], ImportLayout]] = {
+    "sequences": SequenceLayout,
+    "article": ArticleLayout,
+}
+STEPS = 100
+"""How often an import reports at most."""
+_LONGEST_REASON = 300
+"""Characters."""
+_LATEST_NS = 2**63 - 1
+"""Times of arrival in MCAP files may be later; they become this one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportJob:
+    """The task of the process that reads a bag."""
+
+    bag: Path
+    folder: Path
+    """An empty folder to fill."""
+    aside: Path
+    """A folder for temporary files."""
+    layout: str
+    """A name of ``LAYOUTS``."""
+    topics: tuple[str, ...]
+    """None for all."""
+
+
+@dataclass(slots=True, kw_only=True)
+class ImportedTopic:
+    """What became of a topic's messages."""
+
+    name: str
+    kind: str
+    """Type of the messages."""
+    imported: int = 0
+    undecodable: int = 0
+    """Messages that could not be decoded."""
+    reason: str = ""
+    """Why the first of them could not."""
+    without_stamp: int = 0
+    """Messages whose header has no stamp: they have the time of their arrival."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BagImport:
+    """What an import wrote."""
+
+    bag: str
+    """Name of the bag."""
+    layout: str
+    topics: tuple[ImportedTopic, ...]
+    left_out: Mapping[str, str]
+    """The other topics with the reason."""
+
+
+def listed(job: tuple[Path, Path], report: SendMessage) -> list[TopicFacts]:
+    """Return the topics of a bag; the job is the bag and a folder for temporary files."""
+    bag, aside = job
+    with opened(bag, aside) as reader:
+        return topics_of(bag, reader)
+
+
+def extract(job: ImportJob, report: SendMessage) -> BagImport:
+    """Fill the folder of a job, and report each of ``STEPS``.
+
+    Raises:
+        UsageError: if nothing can be imported, or not what was asked for.
+        StoreError: if the bag is damaged.
+        OSError: if a file cannot be written.
+    """
+    with opened(job.bag, job.aside) as reader:
+        chosen, left_out = choose_topics(job.bag, reader, job.topics)
+        with closing(LAYOUTS[job.layout](job.folder, chosen)) as layout:
+            for name in sorted(layout.left_out.keys() & set(job.topics)):
+                raise UsageError(f"{job.bag}: {name} cannot be imported: {layout.left_out[name]}")
+            left_out |= layout.left_out
+            topics = [topic for topic in chosen if topic.name not in left_out]
+            if not topics:
+                why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+                raise UsageError(f"{job.bag}: the layout can hold none of its topics ({why})")
+            found = _add_messages(job.bag, reader, layout, topics, report)
+            layout.finish()
+    return BagImport(bag=job.bag.name, layout=job.layout, topics=found, left_out=left_out)
+
+
+def _add_messages(
+    bag: Path,
+    reader: AnyReader,
+    layout: ImportLayout,
+    topics: Sequence[BagTopic],
+    report: SendMessage,
+) -> tuple[ImportedTopic, ...]:
+    by_name = {topic.name: topic for topic in topics}
+    found = {topic.name: ImportedTopic(name=topic.name, kind=topic.kind) for topic in topics}
+    connections = [connection for topic in topics for connection in topic.connections]
+    total, steps = sum(connection.msgcount for connection in connections), 0
+    for done, (connection, arrival, data) in enumerate(raw_messages(bag, reader, connections), 1):
+        entry = found[connection.topic]
+        try:
+            message = message_of(reader, connection, data)
+            stamp = _stamp_ns(message)
+            time = min(arrival, _LATEST_NS) if stamp is None else stamp
+            layout.add(by_name[connection.topic], time, message)
+            entry.without_stamp += stamp is None
+            entry.imported += 1
+        except ValueError as error:
+            entry.undecodable += 1
+            entry.reason = entry.reason or str(error)[:_LONGEST_REASON]
+        while steps < min(done * STEPS // max(total, 1), STEPS):
+            steps += 1
+            report(steps)
+    for entry in found.values():
+        if not entry.imported:
+            raise StoreError(
+                f"{bag}: none of {entry.undecodable} messages of {entry.name} can be decoded:"
+                f" {entry.reason}; choose others with --topics"
+            )
+    return tuple(found.values())
+
+
+def _stamp_ns(message: Any) -> int | None:
+    """Return the stamp of a message's header; None if there is none."""
+    stamp = message.header.stamp
+    found = int(stamp.sec) * 10**9 + int(stamp.nanosec)
+    return found if found > 0 else None

@@ -1,0 +1,67 @@
+"""What is in a bag: its topics with type, number of messages, rate and longest gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rosbags.highlevel import AnyReader
+
+from grasp_factory.apps.bag_import.bag_file import raw_messages
+
+_NS = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopicFacts:
+    """A topic of a bag; its times are those at which messages arrived at the recorder."""
+
+    name: str
+    kind: str
+    """Type of its messages; several are joined by a comma."""
+    count: int
+    rate_hz: float | None
+    """Messages per second from the first to the last; None for less than two instants."""
+    longest_gap_s: float | None
+    """Longest time between two messages that follow each other; None for less than two."""
+
+
+@dataclass(slots=True)
+class _Clock:
+    """The arrivals of a topic's messages so far, ns."""
+
+    count: int = 0
+    first: int = 0
+    last: int = 0
+    gap: int = 0
+
+    def add(self, time: int) -> None:
+        self.first = time if self.count == 0 else self.first
+        self.gap = max(self.gap, time - self.last) if self.count else 0
+        self.count, self.last = self.count + 1, time
+
+
+def topics_of(bag: Path, reader: AnyReader) -> list[TopicFacts]:
+    """Return the topics of a bag by name; all of the bag is read.
+
+    Raises:
+        StoreError: if it is damaged.
+    """
+    kinds: dict[str, set[str]] = {}
+    for connection in reader.connections:
+        kinds.setdefault(connection.topic, set()).add(connection.msgtype)
+    clocks = {name: _Clock() for name in kinds}
+    for connection, time, _ in raw_messages(bag, reader, reader.connections):
+        clocks[connection.topic].add(time)
+    return [_facts(name, ", ".join(sorted(kinds[name])), clocks[name]) for name in sorted(kinds)]
+
+
+def _facts(name: str, kind: str, clock: _Clock) -> TopicFacts:
+    duration = (clock.last - clock.first) * _NS
+    return TopicFacts(
+        name=name,
+        kind=kind,
+        count=clock.count,
+        rate_hz=(clock.count - 1) / duration if duration > 0 else None,
+        longest_gap_s=clock.gap * _NS if clock.count > 1 else None,
+    )

@@ -1,0 +1,11 @@
+"""Compares what mcap and mcap-ros2-support read with the store."""
+
+from __future__ import annotations
+
+from support.bag_contents import equal_values as compare
+
+FORMAT = "rosbag2"
+SETTINGS: dict[str, str] = {}
+GENERATE = ("--camera", "front", "--camera", "wrist")
+
+__all__ = ["FORMAT", "GENERATE", "SETTINGS", "compare"]
