@@ -78,9 +78,11 @@ LABELS = Limit("labels", 100, "a number of added labels", is_count=True)
 SIMULATIONS = Limit("simulations", 1000, "a number of rows to simulate again", is_count=True)
 MEMORY = Limit("memory", 768 * 2**20, "the memory of a simulation from a store's recipe")
 CPU = Limit("seconds", 8, "the CPU time of a simulation from a store's recipe", is_count=True)
-BAG_MEMORY = Limit("bag-memory", 2**30, "the memory to read a bag", source="bag")
-BAG_FILE = Limit("bag-file", 4 * 2**30, "a file of a bag, or extracted from one,", source="bag")
-BAG_CPU = Limit("bag-seconds", 3600, "the CPU time to read a bag", is_count=True, source="bag")
+IMPORT_MEMORY = Limit("import-memory", 2**30, "the memory of an import", source="file")
+IMPORT_FILE = Limit("import-file", 4 * 2**30, "a file of an import", source="file")
+IMPORT_CPU = Limit(
+    "import-seconds", 3600, "the CPU time of an import", is_count=True, source="file"
+)
 LIMITS = {
     limit.name: limit
     for limit in (
@@ -102,9 +104,9 @@ LIMITS = {
         SIMULATIONS,
         MEMORY,
         CPU,
-        BAG_MEMORY,
-        BAG_FILE,
-        BAG_CPU,
+        IMPORT_MEMORY,
+        IMPORT_FILE,
+        IMPORT_CPU,
     )
 }
 

@@ -29,7 +29,7 @@ from support.places import TINY
 from grasp_factory.apps.bag_import import importing
 from grasp_factory.apps.bag_import.importing import import_bag, list_topics
 from grasp_factory.apps.bag_import.pixel_decoding import ENCODINGS
-from grasp_factory.core.executors import InlineExecutor, LimitedExecutor
+from grasp_factory.core.executors import LimitedExecutor, import_process
 from grasp_factory.core.limits import VARIABLE
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import LimitError, StoreError, UnknownNameError, UsageError
@@ -39,18 +39,6 @@ START = 1_700_000_000_123_456_789
 STEP = 100_000_000
 FRAMES = 5
 COLOUR, DEPTH = "/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw"
-
-
-@pytest.fixture(autouse=True)
-def in_this_process(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Read bags in this process, which is faster, except where a test is about the worker."""
-    if "isolated" not in request.fixturenames:
-        monkeypatch.setattr(importing, "reading_executor", InlineExecutor)
-
-
-@pytest.fixture
-def isolated() -> None:
-    """Read bags in a worker process."""
 
 
 def colour(k: int) -> NDArray[np.uint8]:
@@ -637,14 +625,14 @@ def test_the_command_says_what_became_of_each_topic(run: Run, tmp_path: Path) ->
 def test_a_bag_that_expands_to_more_than_the_memory_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(VARIABLE, "bag-memory=100MiB")
+    monkeypatch.setenv(VARIABLE, "import-memory=100MiB")
     types = bags.ros2_types()
     writer = Writer2(tmp_path / "b", version=8, storage_plugin=StoragePlugin.MCAP)
     writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
     with writer:
         connection = writer.add_connection("/image", IMAGE, typestore=types)
         writer.write(connection, START, bytes(400 * 2**20))
-    with pytest.raises(LimitError, match=r"reading the bag needs more than 104.* trust this bag"):
+    with pytest.raises(LimitError, match=r"the import needs more than 104.* trust this file"):
         import_bag(tmp_path / "b", tmp_path / "out", "sequences")
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
 
@@ -654,7 +642,7 @@ def test_a_decoder_that_crashes_ends_its_worker_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = bags.ros1(tmp_path / "b.bag", recording()[:16])
-    assert isinstance(importing.reading_executor(), LimitedExecutor)
+    assert isinstance(import_process.reading_executor(), LimitedExecutor)
     assert len(list_topics(bag)) == 8
     monkeypatch.setattr(importing, "extract", bags.end_the_process)
     with pytest.raises(StoreError, match=r"b.bag: reading it ended its process \(SIGKILL\)"):

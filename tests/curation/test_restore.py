@@ -6,34 +6,45 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from support.exporter_contract import QUARANTINED, N, make_store
 from support.stored import old_store, varied
 
+from grasp_factory.core.limits import VARIABLE
 from grasp_factory.curation.restore import restore
 from grasp_factory.curation.verify import verify
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.errors import GraspFactoryError, UsageError
+from grasp_factory.errors import GraspFactoryError, LimitError, StoreError, UsageError
 from grasp_factory.writers.exporters import EXPORTERS
 from grasp_factory.writers.exporters.exporting import run_export
 
-READ_BACK = [name for name, exporter in EXPORTERS.items() if exporter.read_back]
+READ_BACK: list[tuple[str, dict[str, Any]]] = [
+    *((name, {}) for name, exporter in EXPORTERS.items() if exporter.read_back),
+    ("lerobot", {"video": "image"}),
+    ("rosbag2", {"storage": "sqlite3"}),
+]
+"""Formats that can be imported, with settings."""
 MM = 0.0005 + 1e-6
 """Half of a millimetre, and the rounding to float32."""
 TOLERANCE = {("sequences", "depth"): MM}
 """Largest differences by format and array, m; other arrays are equal."""
 
 
-@pytest.fixture(scope="module", params=READ_BACK)
+@pytest.fixture(
+    scope="module", params=READ_BACK, ids=lambda what: "-".join([what[0], *what[1].values()])
+)
 def restored(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[str, Dataset, Dataset, tuple[str, ...]]:
     folder, dataset = tmp_path_factory.mktemp("restored"), Dataset.open(varied())
-    dataset.export(request.param, folder / "export")
+    name, settings = request.param
+    dataset.export(name, folder / "export", **settings)
     found = restore(folder / "export", folder / "store.zarr")
-    return request.param, dataset, Dataset.open(folder / "store.zarr", checked=True), found.not_held
+    assert found.same == (len(dataset.committed) if name.startswith("rosbag") else 0)
+    return name, dataset, Dataset.open(folder / "store.zarr", checked=True), found.not_held
 
 
 def test_every_array_that_is_held_is_equal(
@@ -242,3 +253,72 @@ def test_quarantined_rows_are_not_in_an_export(export: Path, tmp_path: Path) -> 
     assert found.episodes == N - 1
     after = Dataset.open(tmp_path / "store.zarr")
     assert QUARANTINED not in after.column("index")
+
+
+def test_the_command_makes_a_store_of_an_export(
+    export: Path, tmp_path: Path, run: Callable[..., tuple[int, str, str]]
+) -> None:
+    code, out, err = run("import", export, tmp_path / "store.zarr")
+    assert (code, err) == (0, "")
+    head, lacks = out.splitlines()
+    assert head.startswith(f"{tmp_path / 'store.zarr'}: {N - 1} episodes from sequences, 0 of them")
+    assert lacks.startswith("not in the export, so empty: streams/tactile_position, ")
+    code, _, err = run("import", export, tmp_path / "store.zarr")
+    assert code == 2
+    assert "exists, only new stores are made" in err
+
+
+@pytest.mark.usefixtures("isolated")
+def test_an_import_runs_in_a_process_with_limits(
+    export: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "import-memory=1MiB")
+    with pytest.raises(LimitError, match=r"the import needs more than 1\.0 MB of memory"):
+        restore(export, tmp_path / "store.zarr")
+    monkeypatch.delenv(VARIABLE)
+    assert restore(export, tmp_path / "store.zarr").episodes == N - 1
+
+
+def cut_short(file: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / file).write_bytes((folder / file).read_bytes()[:-100])
+
+
+HURT: dict[str, tuple[str, Callable[[Path], object]]] = {
+    "a Parquet file that is cut": ("lerobot", cut_short("data/chunk-000/file-000.parquet")),
+    "no extras": ("lerobot", lambda f: (f / "extras/chunk-000/file-000.parquet").unlink()),
+    "another Parquet file": (
+        "lerobot",
+        lambda f: shutil.copy(
+            f / "meta/tasks.parquet", f / "data/chunk-000/file-000.parquet"
+        ),
+    ),
+    "a bag that is cut": ("rosbag1", cut_short("000000.bag")),
+    "no image": ("article", lambda f: (f / "rgb/before_0.png").unlink()),
+    "an array of objects": (
+        "article",
+        lambda f: np.save(f / "seg/seg_before_0.npy", np.array([{}], object), allow_pickle=True),
+    ),
+    "an array of another shape": (
+        "article", lambda f: np.save(f / "seg/seg_before_0.npy", np.zeros((3, 3), np.uint8))
+    ),
+    "an array that is cut": ("article", cut_short("depth/depth_after_0.npy")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", HURT)
+def test_damaged_data_of_a_format_is_named_in_one_line(tmp_path: Path, what: str) -> None:
+    name, hurt = HURT[what]
+    Dataset.open(varied()).export(name, tmp_path / "export")
+    hurt(tmp_path / "export")
+    with pytest.raises(StoreError) as caught:
+        restore(tmp_path / "export", tmp_path / "store.zarr")
+    assert str(caught.value).startswith(f"{tmp_path / 'export'}: episode 0 is damaged: ")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "store.zarr").exists()
+
+
+def test_values_of_another_episode_are_counted_as_not_the_same(tmp_path: Path) -> None:
+    Dataset.open(varied()).export("rosbag1", tmp_path / "export")
+    shutil.copy(tmp_path / "export/000001.bag", tmp_path / "export/000000.bag")
+    found = restore(tmp_path / "export", tmp_path / "store.zarr")
+    assert (found.episodes, found.same) == (2, 1)

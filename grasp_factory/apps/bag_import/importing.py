@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
 
 from grasp_factory.apps.bag_import.bag_file import bag_suffix
 from grasp_factory.apps.bag_import.extraction import (
@@ -17,14 +16,7 @@ from grasp_factory.apps.bag_import.extraction import (
     listed,
 )
 from grasp_factory.apps.bag_import.topic_listing import TopicFacts
-from grasp_factory.core.executors import (
-    Executor,
-    LimitedExecutor,
-    ProcessLimits,
-    SendMessage,
-    Task,
-)
-from grasp_factory.core.limits import BAG_CPU, BAG_FILE, BAG_MEMORY
+from grasp_factory.core.executors.import_process import in_import_process
 from grasp_factory.core.output_folder import check_free, publish
 from grasp_factory.core.place import place_at
 from grasp_factory.core.place_tree import fsync_tree
@@ -36,7 +28,6 @@ from grasp_factory.writers.exporters.json_file import write_json
 RECORD = "grasp_factory_import.json"
 _LONGEST_PREFIX = 40
 """Characters of the name that the hidden scratch folder repeats: file systems limit its length."""
-_LIMITS = ProcessLimits(what="reading the bag", memory=BAG_MEMORY, cpu=BAG_CPU, file=BAG_FILE)
 
 
 def list_topics(bag: Path) -> list[TopicFacts]:
@@ -48,7 +39,7 @@ def list_topics(bag: Path) -> list[TopicFacts]:
     """
     bag_suffix(bag)
     with scratch_folder(Path(tempfile.gettempdir()), "grasp-factory-bag") as aside:
-        found: list[TopicFacts] = _in_a_worker(listed, (bag, aside), bag)
+        found: list[TopicFacts] = in_import_process(listed, (bag, aside), bag)
     return found
 
 
@@ -86,27 +77,10 @@ def import_bag(
             built.mkdir()
             aside.mkdir()
             job = ImportJob(bag=bag, folder=built, aside=aside, layout=layout, topics=tuple(topics))
-            found: BagImport = _in_a_worker(extract, job, bag, lambda _: on_step())
+            found: BagImport = in_import_process(extract, job, bag, lambda _: on_step())
             write_json(built / RECORD, to_plain(found))
             fsync_tree(place_at(built))
             publish(built, out, "an import")
     except OSError as error:
         raise StoreError(f"{out} cannot be written: {error.strerror or error}") from None
     return found
-
-
-def reading_executor() -> Executor:
-    """Return the executor that reads bags."""
-    return LimitedExecutor(1, _LIMITS)
-
-
-def _in_a_worker(
-    task: Task[Any, Any], job: Any, bag: Path, report: SendMessage = lambda message: None
-) -> Any:
-    """Return the result of a task that a process with limits does."""
-
-    def lost(_: Any, why: str) -> NoReturn:
-        raise StoreError(f"{bag}: reading it ended its process ({why})")
-
-    (result,) = reading_executor().run(task, [job], report, lost)
-    return result

@@ -28,6 +28,7 @@ from grasp_factory.core.executors.base import (
 )
 from grasp_factory.core.executors.pool import ProcessExecutor
 from grasp_factory.core.limits import CHUNK, CPU, MEMORY, Limit
+from grasp_factory.core.os_errors import NO_THREAD
 from grasp_factory.core.text_format import size_text
 from grasp_factory.errors import LimitError
 
@@ -94,7 +95,9 @@ class Limited:
         _set(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime) + cpu.most)
         try:
             return self.task(job, report)
-        except MemoryError:
+        except (MemoryError, RuntimeError) as error:
+            if isinstance(error, RuntimeError) and str(error) != NO_THREAD:
+                raise
             most = size_text(memory.most)
             raise LimitError(
                 f"{self.limits.what} needs more than {most} of memory; {memory.advice}"

@@ -11,6 +11,8 @@ from typing import Any, BinaryIO
 from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode
+from grasp_factory.core.executors import SendMessage
+from grasp_factory.core.executors.import_process import in_import_process
 from grasp_factory.core.serialization import is_integer, to_plain
 from grasp_factory.curation.merge.provenance import SeedSource, makers_of, once
 from grasp_factory.curation.merge.staged_store import StagedStore
@@ -57,22 +59,10 @@ def restore(
         StoreError: if the export is damaged, or the disk fails. Nothing is left then.
     """
     place, source = StagedStore(out), open_export(Path(export))
-    config, fields = source.folder.config, source.folder.fields
     on_start(len(source.lines))
-    with place.building() as aside, source.reading() as file:
-        reader = ExportedEpisodeReader(source=source, file=file)
-        not_held = reader.not_held()
-        create_store(
-            aside,
-            config,
-            _attributes(source, reader.rows_by_seed(), not_held),
-            joints=source.folder.joints,
-            n=len(source.lines),
-            carried=source.embedded(),
-            fields=list(fields.values()),
-        )
-        same = _write(reader, aside, on_episode)
-        pack(aside)
+    with place.building() as aside:
+        job = (source.path, aside)
+        same, not_held = in_import_process(_build, job, source.path, lambda _: on_episode())
     return Restored(
         path=str(out),
         format=source.exporter.name,
@@ -80,6 +70,32 @@ def restore(
         same=same,
         not_held=not_held,
     )
+
+
+def _build(job: tuple[Path, Path], report: SendMessage) -> tuple[int, tuple[str, ...]]:
+    """Build the store of an export in an empty folder.
+
+    Returns:
+        How many episodes are as in the store that was exported, and the arrays that the export
+        does not hold.
+    """
+    path, aside = job
+    source = open_export(path)
+    with source.reading() as file:
+        reader = ExportedEpisodeReader(source=source, file=file)
+        not_held = reader.not_held()
+        create_store(
+            aside,
+            source.folder.config,
+            _attributes(source, reader.rows_by_seed(), not_held),
+            joints=source.folder.joints,
+            n=len(source.lines),
+            carried=source.embedded(),
+            fields=list(source.folder.fields.values()),
+        )
+        same = _write(reader, aside, report)
+    pack(aside)
+    return same, not_held
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +157,7 @@ class ExportedEpisodeReader:
         return StoreError(f"{self.source.path}: episode {place} is damaged: {what[0]}")
 
 
-def _write(reader: ExportedEpisodeReader, out: Path, on_episode: Callable[[], None]) -> int:
+def _write(reader: ExportedEpisodeReader, out: Path, report: SendMessage) -> int:
     """Write the episodes; return how many are as in their store."""
     writer, same = ZarrWriter(out), 0
     for start in range(0, writer.length, writer.block_size):
@@ -151,7 +167,7 @@ def _write(reader: ExportedEpisodeReader, out: Path, on_episode: Callable[[], No
             same += episode.checksum() == checksum
             rows.append(episode)
             texts.append(fingerprint)
-            on_episode()
+            report(place)
         writer.write_block(start // writer.block_size, rows, texts)
     return same
 

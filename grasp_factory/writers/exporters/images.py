@@ -51,26 +51,35 @@ def png(image: NDArray[Any]) -> bytes:
 
 
 def read_png(place: Place, shape: tuple[int, ...], dtype: str) -> NDArray[Any]:
-    """Return the image of a PNG file that ``write_png`` wrote.
+    """Return the image of a PNG file that ``write_png`` wrote; see ``decode_png``.
+
+    Raises:
+        ValueError: if it is no image of this kind.
+        OSError: if it cannot be read.
+        LimitError: if it is too large.
+    """
+    return decode_png(place.read_bytes(CHUNK), place.name, shape, dtype)
+
+
+def decode_png(data: bytes, name: str, shape: tuple[int, ...], dtype: str) -> NDArray[Any]:
+    """Return the image of a PNG file that ``png`` made.
 
     Args:
-        place: the file.
+        data: the bytes of the file.
+        name: its name, for messages.
         shape: (H, W, 3) for RGB, or (H, W).
         dtype: uint8 or uint16.
 
     Raises:
         ValueError: if it is no image of this kind. The file's own size is compared before it is
             decoded: a small file may hold a large image.
-        OSError: if it cannot be read.
-        LimitError: if it is too large.
     """
-    data = place.read_bytes(CHUNK)
     size = tuple(int.from_bytes(data[at : at + 4], "big") for at in (20, 16))
     if not data.startswith(b"\x89PNG") or size != shape[:2]:
-        raise ValueError(f"{place.name}: no PNG file of {shape[1]} x {shape[0]} pixels")
+        raise ValueError(f"{name}: no PNG file of {shape[1]} x {shape[0]} pixels")
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None or image.shape != shape or image.dtype != dtype:
-        raise ValueError(f"{place.name}: no image of {dtype} {shape}")
+        raise ValueError(f"{name}: no image of {dtype} {shape}")
     return image[..., ::-1] if image.ndim == 3 else image
 
 

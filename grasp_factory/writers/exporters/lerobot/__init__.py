@@ -11,9 +11,17 @@ https://github.com/huggingface/lerobot/blob/v0.4.4/src/lerobot/datasets/utils.py
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from numpy.typing import NDArray
+
+from grasp_factory.writers.exporters.base import (
+    ExportContents,
+    Exporter,
+    ExportFolder,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.lerobot.lerobot_settings import (
     LeRobotSettings,
     excludes,
@@ -36,6 +44,13 @@ def finish(job: ExportJob, parts: Sequence[LeRobotPart]) -> None:
     from grasp_factory.writers.exporters.lerobot.dataset_files import write_dataset_files
 
     write_dataset_files(job, parts)
+
+
+def read_back(folder: ExportFolder, place: int) -> dict[str, NDArray[Any]]:
+    """Return the series of an episode by path; see ``Exporter.read_back``."""
+    from grasp_factory.writers.exporters.lerobot.reading import read_back
+
+    return read_back(folder, place)
 
 
 LEROBOT = Exporter(
@@ -80,6 +95,7 @@ LEROBOT = Exporter(
     split=split,
     write_part=write_part,
     finish=finish,
+    read_back=read_back,
     parameters=LeRobotSettings,
     libraries=("pyarrow",),
     extra="lerobot",

@@ -13,6 +13,7 @@ from grasp_factory.core.episode import Episode
 from grasp_factory.core.field import Field
 from grasp_factory.core.mp4_file import even_size
 from grasp_factory.core.sensors import series_groups
+from grasp_factory.writers.exporters.base import ExportFolder
 from grasp_factory.writers.exporters.lerobot.lerobot_settings import IMAGE
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import EpisodeSteps
@@ -77,7 +78,7 @@ class WindowedSeries:
         return values[frames * self.per_frame :]
 
 
-def windowed_series(episodes: Selection) -> Iterator[WindowedSeries]:
+def windowed_series(episodes: Selection | ExportFolder) -> Iterator[WindowedSeries]:
     """Yield the series that the stores have, other than the videos' images."""
     config = episodes.config
     rates = {group.name: group.rate(config) for group in series_groups()}

@@ -63,13 +63,18 @@ def path_pattern(folder: str, suffix: str) -> str:
     return f"{folder}/chunk-{{chunk_index:03d}}/file-{{file_index:03d}}{suffix}"
 
 
+def file_name(folder: str, suffix: str, part: int) -> str:
+    """Return the path of a part's file in the dataset."""
+    chunk, file = chunk_and_file(part)
+    return path_pattern(folder, suffix).format(chunk_index=chunk, file_index=file)
+
+
 def new_file(root: Path, folder: str, suffix: str, part: int) -> Path:
     """Return the path of a part's file; its folder exists then.
 
     Raises:
         OSError: if the folder cannot be made.
     """
-    chunk, file = chunk_and_file(part)
-    path = root / path_pattern(folder, suffix).format(chunk_index=chunk, file_index=file)
+    path = root / file_name(folder, suffix, part)
     path.parent.mkdir(parents=True, exist_ok=True)
     return path

@@ -23,7 +23,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from grasp_factory.core import schema
-from grasp_factory.core.limits import BAG_FILE
+from grasp_factory.core.limits import IMPORT_FILE
 from grasp_factory.core.place import Place
 from grasp_factory.errors import GraspFactoryError, shown
 from grasp_factory.writers.exporters.base import ExportFolder
@@ -84,7 +84,7 @@ def _opened(file: Place) -> Iterator[Path]:
     """Yield a path of an open file that leads to no other one, whatever happens to its name."""
     descriptor = file.open()
     try:
-        BAG_FILE.check(os.fstat(descriptor).st_size, file)
+        IMPORT_FILE.check(os.fstat(descriptor).st_size, file)
         yield Path(f"/proc/self/fd/{descriptor}")
     finally:
         os.close(descriptor)

@@ -1,0 +1,89 @@
+"""Reading episodes of a LeRobot dataset of ours back: windows and extras become series again."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from grasp_factory.core.limits import IMPORT_FILE
+from grasp_factory.core.place import Place
+from grasp_factory.core.schema import shape, sizes
+from grasp_factory.writers.exporters.base import ExportFolder
+from grasp_factory.writers.exporters.images import decode_png
+from grasp_factory.writers.exporters.lerobot.features import IMAGES, windowed_series
+from grasp_factory.writers.exporters.lerobot.lerobot_settings import IMAGE
+from grasp_factory.writers.exporters.lerobot.numbering import DATA, EXTRAS, file_name
+
+
+def read_back(folder: ExportFolder, place: int) -> dict[str, NDArray[Any]]:
+    """Return the series of an episode by path; images only if they are stored as PNG.
+
+    Args:
+        folder: the export.
+        place: the episode's number.
+
+    Raises:
+        ValueError, OSError: if a file is not as the export wrote it.
+        LimitError: if it is too large.
+    """
+    part, row = divmod(place, folder.settings.episodes_per_file)
+    data, extras = (folder.place / file_name(name, ".parquet", part) for name in (DATA, EXTRAS))
+    size, series = sizes(folder.config, folder.joints), list(windowed_series(folder))
+    cameras = folder.config.cameras if folder.settings.video == IMAGE else ()
+    try:
+        frames = _row_group(data, row, [one.name for one in series] + [*map(_image, cameras)])
+        after = _row(extras, row, [one.field.path for one in series])
+        found = {}
+        for one in series:
+            tail = shape(one.field, size)[1:]
+            values = [
+                _numbers(table[name], tail)
+                for table, name in ((frames, one.name), (after, one.field.path))
+            ]
+            found[one.field.path] = np.concatenate(values).astype(one.field.dtype)
+        return found | {f"videos/{name}/rgb": _images(folder, frames, name) for name in cameras}
+    except pa.ArrowException as error:
+        raise ValueError(f"{place}: {error}") from None
+
+
+def _image(camera: str) -> str:
+    return f"{IMAGES}{camera}"
+
+
+def _row_group(file: Place, number: int, names: list[str]) -> pa.Table:
+    """Return the frames of an episode: each episode is a row group."""
+    with os.fdopen(file.open(), "rb") as opened:
+        IMPORT_FILE.check(os.fstat(opened.fileno()).st_size, file)
+        return pq.ParquetFile(opened).read_row_group(number, columns=names)
+
+
+def _row(file: Place, number: int, names: list[str]) -> pa.Table:
+    """Return a row of a table."""
+    with os.fdopen(file.open(), "rb") as opened:
+        IMPORT_FILE.check(os.fstat(opened.fileno()).st_size, file)
+        return pq.ParquetFile(opened).read(columns=names).slice(number, 1)
+
+
+def _numbers(column: pa.ChunkedArray, tail: tuple[int, ...]) -> NDArray[Any]:
+    """Return the numbers of a column of lists, (records, *tail)."""
+    values = column.combine_chunks()
+    while isinstance(values.type, pa.ListType | pa.FixedSizeListType):
+        values = values.flatten()
+    numbers: NDArray[Any] = values.to_numpy(zero_copy_only=False)
+    return numbers.reshape(-1, *tail)
+
+
+def _images(folder: ExportFolder, frames: pa.Table, camera: str) -> NDArray[np.uint8]:
+    """Return the frames of a camera, (K, H, W, 3)."""
+    width, height = folder.config.resolution
+    size = (height, width, 3)
+    found = [
+        decode_png(image["bytes"], _image(camera), size, "uint8")
+        for image in frames[_image(camera)].to_pylist()
+    ]
+    return np.stack(found) if found else np.empty((0, *size), np.uint8)
