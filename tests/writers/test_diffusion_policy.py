@@ -18,7 +18,7 @@ from support.stored import varied
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, UsageError
-from grasp_factory.writers.exporters import replay_buffer_file
+from grasp_factory.writers.exporters import base, replay_buffer_file
 from grasp_factory.writers.exporters.diffusion_policy import rotation_vectors
 
 
@@ -50,6 +50,7 @@ def test_every_array_is_read_back_at_the_video_rate(
     dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(replay_buffer_file, "STEPS_PER_CHUNK", 10)
+    monkeypatch.setattr(base, "EPISODES_PER_PART", 1)
     buffer = exported(dataset, tmp_path / "out")
     episodes, at = list(dataset), records(dataset)
     assert buffer["meta/episode_ends"].dtype == np.int64

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,11 @@ from numpy.typing import NDArray
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.splits import SPLITS
 from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
-from grasp_factory.writers.exporters.replay_buffer_file import FramesFile, write_replay_buffer
+from grasp_factory.writers.exporters.replay_buffer_file import (
+    BufferPart,
+    FramesFile,
+    write_replay_buffer,
+)
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import NO_FRAMES, EpisodeSteps, steps_of, without_frames
 
@@ -54,11 +57,12 @@ def excludes(
     return {NO_FRAMES: without_frames(episodes)}
 
 
-def write_part(job: ExportJob, part: ExportPart) -> None:
+def write_part(job: ExportJob, part: ExportPart) -> BufferPart:
     """Write the steps of some episodes aside: images in a zip, all else in a .npz file."""
     start = 0
     arrays: dict[str, list[NDArray[Any]]] = {}
-    with FramesFile(_aside(job, part.number, "zip")) as file:
+    aside = job.aside / f"{part.number:08d}"
+    with FramesFile(aside.with_suffix(".zip")) as file:
         for _, episode in part.episodes:
             steps = steps_of(episode)
             for name, values in step_arrays(episode, steps, job.settings.names).items():
@@ -67,7 +71,10 @@ def write_part(job: ExportJob, part: ExportPart) -> None:
                 file.add(number, start, frames)
             start += len(steps.record)
     joined: dict[str, Any] = {name: np.concatenate(values) for name, values in arrays.items()}
-    np.savez(_aside(job, part.number, "npz"), **joined)
+    np.savez(aside.with_suffix(".npz"), **joined)
+    return BufferPart(
+        steps=start, frames=aside.with_suffix(".zip"), arrays=aside.with_suffix(".npz")
+    )
 
 
 def step_arrays(
@@ -109,14 +116,12 @@ def rotation_vectors(quat_xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(quat[:, :3] * np.where(tiny, 2.0, angle / np.where(tiny, 1.0, sine)))
 
 
-def finish(job: ExportJob, parts: Sequence[None]) -> None:
+def finish(job: ExportJob, parts: Sequence[BufferPart]) -> None:
     """Join the parts, and write what describes all episodes."""
-    episodes, numbers = job.episodes, range(len(parts))
+    episodes = job.episodes
     write_replay_buffer(
         job.folder / FILE,
-        scratch=job.aside / "replay_buffer.zarr",
-        frames=[_aside(job, number, "zip") for number in numbers],
-        arrays=[_aside(job, number, "npz") for number in numbers],
+        parts,
         meta={
             "episode_ends": np.cumsum(episodes.column("n_video"), dtype=np.int64),
             "episode_split": [SPLITS.index(name) for name in episodes.column("split")],
@@ -129,10 +134,6 @@ def finish(job: ExportJob, parts: Sequence[None]) -> None:
         },
         resolution=episodes.config.resolution,
     )
-
-
-def _aside(job: ExportJob, number: int, suffix: str) -> Path:
-    return job.aside / f"{number:08d}.{suffix}"
 
 
 DIFFUSION_POLICY = Exporter(

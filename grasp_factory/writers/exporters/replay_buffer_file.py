@@ -7,7 +7,8 @@ of images is one image, as in UMI's files.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -68,12 +69,21 @@ class FramesFile:
         self._zip.close()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BufferPart:
+    """Some steps of a replay buffer, which follow those of the part before it."""
+
+    steps: int
+    frames: Path
+    """A ``FramesFile``."""
+    arrays: Path
+    """A .npz file with the arrays that are no images, (steps, ...), by name."""
+
+
 def write_replay_buffer(
     path: Path,
+    parts: Sequence[BufferPart],
     *,
-    scratch: Path,
-    frames: Sequence[Path],
-    arrays: Sequence[Path],
     meta: Mapping[str, ArrayLike],
     attributes: Mapping[str, Any],
     resolution: tuple[int, int],
@@ -82,9 +92,7 @@ def write_replay_buffer(
 
     Args:
         path: the zip to create.
-        scratch: a folder to create, for files that are not kept.
-        frames: the ``FramesFile`` of each part.
-        arrays: the .npz file of each part, with arrays (steps of the part, ...) by name.
+        parts: the parts, in order, one or more.
         meta: arrays of ``meta``; ``episode_ends`` is one of them.
         attributes: attributes of the root; ``cameras`` lists the cameras.
         resolution: width and height of the images, pixels.
@@ -92,52 +100,72 @@ def write_replay_buffer(
     Raises:
         OSError: if it cannot be written.
     """
-    root = zarr.create_group(scratch, zarr_format=2, attributes=dict(attributes))
+    width, height = resolution
+    image = np.empty((0, height, width, 3), np.uint8)
+    images = {image_name(number): (image, 1) for number in range(len(attributes["cameras"]))}
+    with np.load(parts[0].arrays, allow_pickle=False) as first:
+        others = {name: (rows, STEPS_PER_CHUNK) for name, rows in first.items()}
+    steps = sum(part.steps for part in parts)
+    with zipfile.ZipFile(path, "w") as file:
+        for name, data in _metadata(images | others, steps, meta, attributes).items():
+            _add(file, name, data)
+        for name in others:
+            for number, chunk in enumerate(_chunks(parts, name)):
+                position = ".".join([str(number), *("0" for _ in chunk.shape[1:])])
+                _add(file, f"data/{name}/{position}", codec().encode(chunk))
+        start = 0
+        for part in parts:
+            with zipfile.ZipFile(part.frames) as frames:
+                for name in frames.namelist():
+                    array, step = name.split("/")
+                    _add(file, f"data/{array}/{start + int(step)}.0.0.0", frames.read(name))
+            start += part.steps
+
+
+def _metadata(
+    arrays: Mapping[str, tuple[NDArray[Any], int]],
+    steps: int,
+    meta: Mapping[str, ArrayLike],
+    attributes: Mapping[str, Any],
+) -> dict[str, bytes]:
+    """Return the files of a replay buffer without the chunks of ``data``, by name.
+
+    They are made in memory: when the disk fails, other threads of zarr go on writing for a while.
+
+    Args:
+        arrays: some rows of each array of ``data``, and the number of steps in its chunks.
+        steps: number of all steps.
+        meta: arrays of ``meta``.
+        attributes: attributes of the root.
+    """
+    files: dict[str, Any] = {}
+    store = zarr.storage.MemoryStore(files)
+    root = zarr.create_group(store, zarr_format=2, attributes=dict(attributes))
     about, data = root.create_group("meta"), root.create_group("data")
     for name, values in meta.items():
         about.create_array(name, data=np.asarray(values), compressors=None)
-    width, height = resolution
-    steps = int(np.asarray(meta["episode_ends"])[-1])
-    for number in range(len(attributes["cameras"])):
-        shape, kind = (steps, height, width, 3), np.dtype(np.uint8)
-        _create(data, image_name(number), shape, kind, chunk=1)
-    starts = _write_arrays(data, steps, arrays)
-    with zipfile.ZipFile(path, "w") as file:
-        for found in sorted(found for found in scratch.rglob("*") if found.is_file()):
-            _add(file, found.relative_to(scratch).as_posix(), found.read_bytes())
-        for start, part in zip(starts, frames, strict=True):
-            with zipfile.ZipFile(part) as images:
-                for name in images.namelist():
-                    array, step = name.split("/")
-                    _add(file, f"data/{array}/{start + int(step)}.0.0.0", images.read(name))
+    for name, (rows, length) in arrays.items():
+        shape, chunks = (steps, *rows.shape[1:]), (length, *rows.shape[1:])
+        data.create_array(name, shape=shape, chunks=chunks, dtype=rows.dtype, compressors=codec())
+    return {name: files[name].to_bytes() for name in sorted(files)}
 
 
-def _write_arrays(data: zarr.Group, steps: int, parts: Iterable[Path]) -> list[int]:
-    """Write the arrays that are no images, part by part; return the first step of each part."""
-    arrays: dict[str, Any] = {}
-    starts, start = list[int](), 0
-    for part in _loaded(parts):
-        for name, rows in part.items():
-            if name not in arrays:
-                shape = (steps, *rows.shape[1:])
-                arrays[name] = _create(data, name, shape, rows.dtype, chunk=STEPS_PER_CHUNK)
-            arrays[name][start : start + len(rows)] = rows
-        starts.append(start)
-        start += len(rows)
-    return starts
-
-
-def _loaded(parts: Iterable[Path]) -> Iterator[dict[str, NDArray[Any]]]:
-    for path in parts:
-        with np.load(path, allow_pickle=False) as arrays:
-            yield dict(arrays)
-
-
-def _create(
-    group: zarr.Group, name: str, shape: tuple[int, ...], dtype: np.dtype[Any], *, chunk: int
-) -> Any:
-    chunks = (min(chunk, shape[0]), *shape[1:])
-    return group.create_array(name, shape=shape, chunks=chunks, dtype=dtype, compressors=codec())
+def _chunks(parts: Sequence[BufferPart], name: str) -> Iterator[NDArray[Any]]:
+    """Yield the chunks of an array that is no images; the last is filled with zeros."""
+    rest: list[NDArray[Any]] = []
+    for part in parts:
+        with np.load(part.arrays, allow_pickle=False) as arrays:
+            rest.append(arrays[name])
+        if sum(map(len, rest)) >= STEPS_PER_CHUNK:
+            rows = np.concatenate(rest)
+            whole = len(rows) - len(rows) % STEPS_PER_CHUNK
+            yield from np.split(rows[:whole], whole // STEPS_PER_CHUNK)
+            rest = [rows[whole:]]
+    rows = np.concatenate(rest)
+    if len(rows):
+        chunk = np.zeros((STEPS_PER_CHUNK, *rows.shape[1:]), rows.dtype)
+        chunk[: len(rows)] = rows
+        yield chunk
 
 
 def _add(file: zipfile.ZipFile, name: str, data: bytes) -> None:
