@@ -57,7 +57,7 @@ def import_(
     as_list: bool,
     as_json: bool,
 ) -> None:
-    """Extract data from a ROS bag, or make a store of an export again.
+    """Extract a ROS bag, or make a store of an export again.
 
     If SOURCE is a bag of ROS 1 or ROS 2, writes its images, depth, camera info, IMU, odometry,
     joint states and wrenches to the folder OUT, by the stamps of their headers.

@@ -9,16 +9,21 @@ import sys
 from pathlib import Path
 
 import pytest
-from fuzz import objects, page, stores
+from fuzz import bags, objects, page, stores
 from fuzz.target import Target
 from support.places import REPOSITORY, TESTS
 from support.scale import IS_SOAK, scaled
 
 pytestmark = pytest.mark.slow
 
-MODULES = {"stores": stores.TARGETS, "objects": objects.TARGETS, "page": page.TARGETS}
+MODULES = {
+    "stores": stores.TARGETS,
+    "objects": objects.TARGETS,
+    "page": page.TARGETS,
+    "bags": bags.TARGETS,
+}
 TARGETS = {name: target for targets in MODULES.values() for name, target in targets.items()}
-RUNS = {"stores": 25, "objects": 1000, "page": 500}
+RUNS = {"stores": 25, "objects": 1000, "page": 500, "bags": 10}
 """Inputs for each target in a normal run; the soak takes twenty times as many."""
 
 

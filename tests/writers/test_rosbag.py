@@ -56,14 +56,17 @@ def dataset() -> Dataset:
 
 @pytest.fixture(scope="module")
 def fake(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """Return a store of random episodes, with NaN but in the timestamps, the last without steps."""
+    """Return a store of random episodes: NaN, no grasp, odd names, and one without steps."""
     path = tmp_path_factory.mktemp("source") / "store.zarr"
     names = {name: to_plain(CAMERAS[name].config) for name in ("front", "wrist")}
     config = small_config(video_hz=5, cameras=names, clutter={"count": 2})
     prepare_store(path, config, JOINTS, 4, {})
     episodes = [timed(make_episode(config, k, n_steps)) for k, n_steps in enumerate((9, 2, 4, 0))]
     nowhere = {"grasp_position": np.full(3, np.nan)}
-    episodes[1] = replace(episodes[1], columns=episodes[1].columns | nowhere)
+    odd = 'a.b/c "d"\n\U0001f600'
+    named = {"object_id": odd, "object_ids": np.array([odd, f"{odd}2"])}
+    for k, columns in ((1, nowhere), (2, named)):
+        episodes[k] = replace(episodes[k], columns=episodes[k].columns | columns)
     ZarrWriter(path).write_block(0, episodes)
     return Dataset.open(path)
 

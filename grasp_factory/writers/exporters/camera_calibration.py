@@ -10,7 +10,7 @@ from grasp_factory.core.geometry import Array, inverse, look_at, pose_matrices
 
 
 def intrinsics(episode: Episode, camera: str) -> dict[str, Any]:
-    """Return size (pixels), K (row by row) and the distortion, which is none, of a camera."""
+    """Return size (pixels) and K (row by row) of a camera, and its distortion: zeros."""
     height, width = episode.cameras[camera].rgb.shape[1:3]
     K = episode.cameras[camera].intrinsics.ravel().tolist()
     return {"width": width, "height": height, "K": K, "D": [0.0] * 5}

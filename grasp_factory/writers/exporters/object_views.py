@@ -18,7 +18,7 @@ from grasp_factory.writers.exporters.selection import Selection
 
 TIMES = ("before", "after")
 """Names of the frames 0 and 1 of a camera."""
-NO_SPLIT = f"its split is none of {', '.join(SPLITS)}"
+NO_SPLIT = f"its split is not one of {', '.join(SPLITS)}"
 
 
 def of_no_split(episodes: Selection, settings: Any) -> dict[str, NDArray[np.bool_]]:
