@@ -64,7 +64,10 @@ SIMULATING: Mapping[str, tuple[str, ...]] = {
 """What may simulate a recipe, and takes longer."""
 WITHOUT_STORE = {
     *("preview", "objects", "robots", "policies", "cameras", "sensors", "check-physics"),
-    "flywheel",  # it makes its own stores
+    *(
+        "flywheel",
+        "import",
+    ),  # they make stores; what is imported is in tests/curation/test_restore.py
 }
 """Commands that read no store of others."""
 PAGES = (

@@ -53,8 +53,8 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "relabel": ("tiny.zarr --name strict --min-lift 0.12",),
     "merge": ("merged.zarr tiny.zarr",),
     "split": ("tiny.zarr few.zarr --episodes 0,2",),
-    "export": ("",),
-    "import": ("drive.bag --list", "drive.bag out --to sequences"),
+    "export": ("--list", "tiny.zarr out --to sequences"),
+    "import": ("drive.bag --list", "drive.bag out --to sequences", "exported again.zarr"),
     "train": ("learn.zarr --epochs 1",),
     "learning-curve": ("learn.zarr --sizes 8 --seeds 1 --epochs 1",),
     "browse": (),  # below
@@ -128,6 +128,7 @@ def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "no-metadata.zarr/streams/phase/zarr.json").unlink()
     next((folder / "no-chunk.zarr/streams/phase").glob("[0-9]*")).unlink()
     shutil.copytree(varied(), folder / "panda.zarr")
+    Dataset.open(TINY).export("sequences", folder / "exported")
     plain = {"seed": 92, "resolution": [64, 48], "physics": to_plain(PHYSICS_PRESETS["fast"])}
     generate(FactoryConfig.from_plain(plain), 16, folder / "learn.zarr", workers=1)
     bags.ros1(folder / "drive.bag", [("/ft", bags.WRENCH, 0, bags.wrench((0, 0, 1), (0, 0, 0)))])
