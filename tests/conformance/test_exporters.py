@@ -11,8 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.exporter_contract import QUARANTINED, ExporterContract, N, cameras, make_store
+from support.exporter_contract import (
+    QUARANTINED,
+    ExporterContract,
+    KilledContract,
+    N,
+    cameras,
+    make_store,
+)
 from support.exporters import IMAGES, LINES
+from support.scale import soak_only
 
 from grasp_factory.dataset.annotations import AnnotationLog
 from grasp_factory.dataset.dataset import Dataset
@@ -26,6 +34,17 @@ ALL = {**EXPORTERS, "lines of the tests": LINES, "images of the tests": IMAGES}
 
 @pytest.mark.parametrize("name", ALL)
 class TestEveryExporter(ExporterContract):
+    @pytest.fixture
+    def exporter(self, name: str) -> Exporter:
+        return ALL[name]
+
+
+FOLDERS = ["lines of the tests", "lerobot", "rosbag2"]
+"""One file, files in folders, and a library that writes files by itself."""
+
+
+@pytest.mark.parametrize("name", [*FOLDERS, *soak_only(*sorted(set(ALL) - set(FOLDERS)))])
+class TestAKilledExport(KilledContract):
     @pytest.fixture
     def exporter(self, name: str) -> Exporter:
         return ALL[name]
