@@ -51,6 +51,8 @@ def sequences(dataset: Dataset, out: Path) -> None:
                 cv2.imwrite(str(out / f"{i}_{name}_{k}_seg.png"), frames.segmentation[k], LEVEL)
             groups = (episode.streams, {k: v for k, v in episode.imu.items() if k != "T_tcp_imu"})
             for which, group in enumerate(groups):
+                if not len(group["timestamp"]):
+                    continue
                 tables = [v.reshape(len(v), -1) for v in group.values() if v.ndim < 4]
                 with (out / f"{i}_{name}_{which}.csv").open("w", newline="") as file:
                     csv.writer(file).writerows(np.concatenate(tables, axis=1).tolist())

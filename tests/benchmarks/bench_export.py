@@ -30,12 +30,13 @@ from grasp_factory.writers.exporters import EXPORTERS
 
 ROUNDS = 3
 RSS = """
-import resource, sys
+import re, sys
 from grasp_factory.dataset.dataset import Dataset
 dataset = Dataset.open(sys.argv[1], checked=True)
 dataset.export(sys.argv[2], sys.argv[3], dataset.committed[: int(sys.argv[4])])
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+print(int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]) // 1024)
 """
+"""Prints the largest resident set; ``ru_maxrss`` may be that of the process that started it."""
 
 
 def seconds(work: Callable[[Path], object], out: Path) -> float:

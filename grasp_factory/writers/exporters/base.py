@@ -19,7 +19,7 @@ from grasp_factory.core.place import Place
 from grasp_factory.core.serialization import from_plain
 from grasp_factory.writers.exporters.selection import Selection
 
-EPISODES_PER_PART = 16
+EPISODES_PER_PART = 4
 """Default for ``Exporter.split``: small, so that workers share the work evenly to its end."""
 
 
