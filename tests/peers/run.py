@@ -53,7 +53,7 @@ def python_of(peer: str) -> str:
 
 
 def source_of(peer: str) -> str:
-    """Return the folder of the peer's cloned software; clone it first. Empty if there is none."""
+    """Return the folder of the peer's cloned software; clone it first; else empty."""
     first = (HERE / peer / "requirements.txt").read_text().splitlines()[0]
     if not first.startswith("# source:"):
         return ""

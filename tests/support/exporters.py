@@ -59,10 +59,6 @@ def write_images(job: ExportJob, part: ExportPart) -> None:
             (job.folder / f"{place:06}_{camera}.bin").write_bytes(data)
 
 
-def nothing_more(job: ExportJob, parts: Sequence[None]) -> None:
-    """Every file is there already."""
-
-
 LINES = Exporter(
     name="lines",
     description="a line of JSON for each episode",
@@ -82,5 +78,4 @@ IMAGES = Exporter(
     contents=ExportContents(written=("cameras/*/rgb",), left_out={"*": "it is no colour image"}),
     split=one_by_one,
     write_part=write_images,
-    finish=nothing_more,
 )

@@ -140,7 +140,7 @@ def _add_messages(
 
 
 def _stamp_ns(message: Any) -> int | None:
-    """Return the stamp of a message's header; None if there is none."""
+    """Return the stamp of a message's header; None if the header has no stamp."""
     stamp = message.header.stamp
     found = int(stamp.sec) * 10**9 + int(stamp.nanosec)
     return found if found > 0 else None

@@ -47,7 +47,7 @@ def imu_cells(message: Any) -> list[Cell]:
 
 
 def imu_orientation(message: Any) -> list[Cell]:
-    """Return the orientation, xyzw; empty if the first covariance says that there is none."""
+    """Return the orientation, xyzw; empty if the message has none: its first covariance is -1."""
     has_none = message.orientation_covariance[0] == -1
     return [None] * 4 if has_none else _orientation(message.orientation)
 

@@ -7,7 +7,7 @@ structured array instead, which loads without pickle: ``np.load(file)["success"]
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,10 +95,6 @@ def read_back(folder: ExportFolder, i: int) -> dict[str, NDArray[Any]]:
     }
 
 
-def finish(job: ExportJob, parts: Sequence[None]) -> None:
-    """Do nothing: no file describes all episodes."""
-
-
 ARTICLE = Exporter(
     name="article",
     description="PNG and .npy files before and after the grasp, and a label file per episode",
@@ -118,7 +114,6 @@ ARTICLE = Exporter(
     ),
     excludes=excludes,
     write_part=write_part,
-    finish=finish,
     read_back=read_back,
     parameters=ArticleSettings,
 )

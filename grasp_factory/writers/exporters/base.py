@@ -103,6 +103,10 @@ def nothing(episodes: Selection, settings: Any) -> None:
     """Prepare nothing; the default for ``Exporter.prepare``."""
 
 
+def nothing_more(job: ExportJob, parts: Sequence[Any]) -> None:
+    """Write no more files; the default for ``Exporter.finish``."""
+
+
 def equal_parts(episodes: Selection, settings: Any) -> list[range]:
     """Split the episodes into parts of ``EPISODES_PER_PART``; the last may be smaller."""
     return parts_of(len(episodes), EPISODES_PER_PART)
@@ -128,7 +132,7 @@ class Exporter:
     write_part: Callable[[ExportJob, ExportPart], Any]
     """Writes files of a part to ``job.folder``, and returns what ``finish`` needs to know: small,
     picklable data. Two parts write no file of the same name."""
-    finish: Callable[[ExportJob, Sequence[Any]], None]
+    finish: Callable[[ExportJob, Sequence[Any]], None] = nothing_more
     """Writes the files that describe all episodes, from what the parts returned, in their order."""
     excludes: Callable[[Selection, Any], Mapping[str, NDArray[np.bool_]]] = no_exclusions
     """Returns the episodes that the format cannot hold, as one mask (n,) for each reason. It may

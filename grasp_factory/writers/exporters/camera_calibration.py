@@ -21,7 +21,7 @@ def kalibr_camera(episode: Episode, camera: str) -> dict[str, Any]:
 
     https://github.com/ethz-asl/kalibr/wiki/yaml-formats: ``T_cam_imu`` maps the IMU's frame to the
     camera's. It is constant for a camera on the hand only; for another camera it is that of the
-    first record, and left out where there is none.
+    first record. It is left out if the episode has no record.
     """
     images = episode.cameras[camera]
     height, width = images.rgb.shape[1:3]

@@ -26,7 +26,14 @@ from grasp_factory.writers.exporters.replay_buffer_file import (
     write_replay_buffer,
 )
 from grasp_factory.writers.exporters.selection import Selection
-from grasp_factory.writers.exporters.steps import NO_FRAMES, EpisodeSteps, steps_of, without_frames
+from grasp_factory.writers.exporters.steps import (
+    NO_FRAMES,
+    NOT_IN_STEPS,
+    RATE,
+    EpisodeSteps,
+    steps_of,
+    without_frames,
+)
 
 FILE = "replay_buffer.zarr.zip"
 
@@ -141,13 +148,9 @@ DIFFUSION_POLICY = Exporter(
     description="a replay buffer at the videos' rate, for Diffusion Policy and UMI",
     contents=ExportContents(
         written=("streams/*", "videos/*"),
-        left_out={
-            "cameras/*": "the images before and after the attempt belong to no step",
-            "imu/*": "a step has one record of each series, and the IMU has many",
-        },
+        left_out=NOT_IN_STEPS,
         treatment={
-            "rate": "a step is a video frame with the last record of the streams before it or at"
-            " the same time; records between two frames are left out",
+            "rate": f"{RATE}; records between two frames are left out",
             "action": "joint positions (rad) and gripper width (m) that are commanded at the next"
             " step; state has the measured ones",
             "names=umi": "robot0_* have the TCP's pose as position and axis times angle, and the"

@@ -113,7 +113,7 @@ def grasp_image(
     """Return the depth (S, S), metres, around a grasp before the attempt.
 
     The grasp is in the middle, and its closing direction follows the rows from left to right. Each
-    pixel has the depth of the nearest one; it is 0 where there is none, and beyond the image.
+    pixel has the depth of the nearest one; pixels without depth or outside the image are 0.
     """
     middles = ((np.arange(settings.size) + 0.5) / settings.size - 0.5) * settings.extent
     across, down = middles / grasp.depth, middles[:, None] / grasp.depth

@@ -23,6 +23,8 @@ from grasp_factory.writers.exporters.base import ExportContents, Exporter, Expor
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import (
     NO_FRAMES,
+    NOT_IN_STEPS,
+    RATE,
     observations,
     steps_of,
     without_frames,
@@ -169,13 +171,9 @@ ROBOMIMIC = Exporter(
     description="one HDF5 file of demonstrations at the videos' rate, for robomimic",
     contents=ExportContents(
         written=("streams/*", "videos/*"),
-        left_out={
-            "cameras/*": "the images before and after the attempt belong to no step",
-            "imu/*": "a step has one record of each series, and the IMU has many",
-        },
+        left_out=NOT_IN_STEPS,
         treatment={
-            "rate": "a step is a video frame with the last record of the streams before it or at"
-            " the same time; records between two frames are left out",
+            "rate": f"{RATE}; records between two frames are left out",
             "action": "joint positions and gripper width that are commanded at the next step,"
             " scaled to [-1, 1] by the bounds of all actions in the file: actions * action_scale +"
             " action_offset (attributes of the group data); actions_absolute has them in rad and m",

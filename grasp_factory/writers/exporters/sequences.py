@@ -126,7 +126,7 @@ def _written(folder: Path, k: int, frame: SequenceFrame) -> dict[str, Any]:
 
 
 def _imu_at(episode: Episode, timestamp: float) -> dict[str, Any] | None:
-    """Return the IMU's sample nearest to a time; None if there is none."""
+    """Return the IMU's sample nearest to a time; None if the IMU has no samples."""
     imu = episode.imu
     if not episode.n_imu:
         return None

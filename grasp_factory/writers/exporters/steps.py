@@ -18,6 +18,13 @@ from grasp_factory.core.episode import Episode
 from grasp_factory.errors import UsageError
 from grasp_factory.writers.exporters.selection import Selection
 
+NOT_IN_STEPS = {
+    "cameras/*": "the images before and after the attempt belong to no step",
+    "imu/*": "a step has one record of each series, and the IMU has many",
+}
+"""What formats of steps leave out, for ``ExportContents.left_out``."""
+RATE = "a step is a video frame with the last record of the streams before it or at the same time"
+"""For ``ExportContents.treatment``."""
 NO_FRAMES = "the robot did not move, so there are no video frames"
 
 

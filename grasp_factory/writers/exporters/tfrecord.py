@@ -7,7 +7,6 @@ videos, and all arrays of the store as ``episode_metadata``.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,9 +28,11 @@ from grasp_factory.writers.exporters.base import (
     ExportPart,
     parts_of,
 )
+from grasp_factory.writers.exporters.json_file import write_json
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import (
     NO_FRAMES,
+    RATE,
     EpisodeSteps,
     observations,
     steps_of,
@@ -179,7 +180,7 @@ def finish(job: ExportJob, parts: Sequence[TfrecordShard]) -> None:
     arrays = episode_arrays(0, job.episodes[0], job.episodes.fields)
     features = features_json({name: feature for name, (feature, _) in arrays.items()})
     for file, data in (("dataset_info.json", about), ("features.json", features)):
-        (job.folder / file).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        write_json(job.folder / file, data)
 
 
 def _aside(job: ExportJob, number: int) -> Path:
@@ -192,8 +193,7 @@ TFRECORD = Exporter(
     contents=ExportContents(
         written=("*",),
         treatment={
-            "rate": "a step is a video frame with the last record of the streams before it or at"
-            " the same time; episode_metadata has all records of all series",
+            "rate": f"{RATE}; episode_metadata has all records of all series",
             "action": "joint positions (rad) and gripper width (m) that are commanded at the next"
             " step; observation/state has the measured ones",
             "reward": "the sum up to the next step, so 1 at the end of a success",

@@ -109,7 +109,7 @@ def intrinsics(episodes: Selection, settings: VgnSettings) -> Intrinsics:
 
 
 def with_intrinsics(depth: NDArray[np.float32], K: Array, wanted: Array) -> NDArray[np.float32]:
-    """Return the depth image (H, W) that other intrinsics would have seen; 0 where there is none.
+    """Return the depth image (H, W) that other intrinsics would have seen; 0 means no depth.
 
     Each pixel has the value of the nearest one.
     """

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import tarfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,10 +101,6 @@ def npy(values: NDArray[Any]) -> bytes:
     return data.getvalue()
 
 
-def finish(job: ExportJob, parts: Sequence[None]) -> None:
-    """Do nothing: the tar files are complete."""
-
-
 WEBDATASET = Exporter(
     name="webdataset",
     description="tar files of samples for WebDataset and Hugging Face datasets",
@@ -119,6 +115,5 @@ WEBDATASET = Exporter(
     excludes=excludes,
     split=split,
     write_part=write_part,
-    finish=finish,
     parameters=WebDatasetSettings,
 )

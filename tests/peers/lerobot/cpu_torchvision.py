@@ -1,10 +1,11 @@
 """Lets torchvision's wheel for CUDA be imported beside a torch for CPUs: import this first.
 
-Its library of operators cannot be loaded there, but its Python code registers more for them.
+Its compiled operators cannot be loaded there, but its Python code registers more for them.
 """
 
-from torch.library import Library
+from torch import library
 
-OPERATORS = Library("torchvision", "DEF")
 for name in ("nms", "qnms"):
-    OPERATORS.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+    library.define(
+        f"torchvision::{name}", "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor"
+    )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import reduce
-from pathlib import Path
 from typing import Any
 
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.writers.exporters.base import ExportJob
+from grasp_factory.writers.exporters.json_file import write_json
 from grasp_factory.writers.exporters.lerobot.features import (
     IMAGES,
     LeRobotFeature,
@@ -44,12 +43,12 @@ def write_dataset_files(job: ExportJob, parts: Sequence[LeRobotPart]) -> None:
     moments = reduce(joined, (part.moments for part in parts))
     meta = job.folder / "meta"
     write_tasks(meta / "tasks.parquet", numbering.tasks)
-    _write_json(meta / "info.json", _info(job, numbering, features))
-    _write_json(
+    write_json(meta / "info.json", _info(job, numbering, features))
+    write_json(
         meta / "stats.json",
         {name: one.plain(features[name].statistics_shape) for name, one in moments.items()},
     )
-    _write_json(meta / "arrays.json", dict(_arrays(job.episodes)))
+    write_json(meta / "arrays.json", dict(_arrays(job.episodes)))
 
 
 def _info(
@@ -112,7 +111,3 @@ def _arrays(episodes: Selection) -> Iterator[tuple[str, dict[str, Any]]]:
             yield path, {"feature": feature, "records_per_frame": per_frame, **meaning}
         elif is_constant(field):
             yield path, {"extras": path, **meaning}
-
-
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")

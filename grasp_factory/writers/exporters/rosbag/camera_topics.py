@@ -47,7 +47,7 @@ def camera_messages(scene: BagScene, camera: str) -> list[Iterator[StampedMessag
 
 
 def video_messages(scene: BagScene) -> list[Iterator[StampedMessage]]:
-    """Return the messages of each topic of the videos; there are none without video."""
+    """Return the messages of each topic of the videos; nothing without video."""
     arrays = scene.episode.videos
     if not arrays:
         return []

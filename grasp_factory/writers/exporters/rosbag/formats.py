@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -81,10 +81,6 @@ def read_ros2_back(folder: ExportFolder, place: int) -> Mapping[str, NDArray[Any
     return read_back_ros2(folder, place)
 
 
-def finish(job: ExportJob, parts: Sequence[None]) -> None:
-    """Do nothing: each bag is complete."""
-
-
 _CONTENTS = ExportContents(
     written=("*",),
     treatment={
@@ -107,7 +103,6 @@ ROSBAG1 = Exporter(
     description="ROS 1 bags, one file per episode: images, joints, IMU, wrenches, tf, label",
     contents=_CONTENTS,
     write_part=write_ros1_part,
-    finish=finish,
     read_back=read_ros1_back,
     libraries=("rosbags",),
     extra="ros",
@@ -117,7 +112,6 @@ ROSBAG2 = Exporter(
     description="ROS 2 bags, one folder per episode: images, joints, IMU, wrenches, tf, label",
     contents=_CONTENTS,
     write_part=write_ros2_part,
-    finish=finish,
     read_back=read_ros2_back,
     parameters=Rosbag2Settings,
     libraries=("rosbags",),
