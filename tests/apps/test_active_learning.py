@@ -39,6 +39,8 @@ from grasp_factory.apps.learning.scores import Estimate
 from grasp_factory.cli import run_progress
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.physics import PHYSICS_PRESETS
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.splits import SPLITS
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreError, StoreMismatchError, UsageError
@@ -50,8 +52,9 @@ pytestmark = pytest.mark.slow
 Run = Callable[..., tuple[int, str, str]]
 SHA256 = "5" * 64
 DIARY = ".runs.jsonl"
-SMALL = ("--resolution", "96x72", "--set", "block_size=4", "--workers", "1", "--seed", "1")
-SIZES = ("--rounds", "1", "--start", "32", "--budget", "8", "--eval", "24", "--try", "4")
+IMAGES = ("--resolution", "96x72", "--set", "block_size=4", "--physics", "fast")
+SMALL = (*IMAGES, "--workers", "1", "--seed", "1")
+SIZES = ("--rounds", "1", "--start", "32", "--budget", "8", "--eval", "16", "--try", "4")
 FEW = (*SMALL, *SIZES, "--seeds", "2", "--epochs", "2")
 RESAMPLES = 60
 
@@ -486,9 +489,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(VARIABLE, str(home / "cache"))
         patch.setattr(scores, "RESAMPLES", RESAMPLES)
-        config = FactoryConfig(seed=1, resolution=(96, 72), block_size=4)
+        fast = to_plain(PHYSICS_PRESETS["fast"])
+        plain = {"seed": 1, "resolution": [96, 72], "block_size": 4, "physics": fast}
+        config = FactoryConfig.from_plain(plain)
         settings = FlywheelSettings(
-            config=config, rounds=1, start=32, budget=8, evaluation=24, tries=4, seeds=2, epochs=2
+            config=config, rounds=1, start=32, budget=8, evaluation=16, tries=4, seeds=2, epochs=2
         )
         run_rounds(settings, home / "fly", workers=1)
     shutil.rmtree(home / "cache")

@@ -32,7 +32,9 @@ from grasp_factory.apps.learning.scores import (
 )
 from grasp_factory.apps.learning.simple_baselines import majority, pose_only
 from grasp_factory.apps.learning.training import TrainSettings, cross_entropy, fit
+from grasp_factory.core.config.physics import PHYSICS_PRESETS
 from grasp_factory.core.enums import Phase
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, UsageError
 from grasp_factory.policies.networks import KINDS, TOUCH, TouchWindow, load_model, save_model
@@ -232,8 +234,9 @@ def test_pose_alone_sees_poses_and_majority_nothing() -> None:
 def stores(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Return a store of train and val objects, and one of test objects."""
     folder = tmp_path_factory.mktemp("stores")
-    base = FactoryConfig(resolution=(96, 72), seed=3)
-    parts = (("learn", ("train", "val"), scaled(90, 240)), ("test", ("test",), scaled(40, 120)))
+    plain = {"resolution": [96, 72], "seed": 3, "physics": to_plain(PHYSICS_PRESETS["fast"])}
+    base = FactoryConfig.from_plain(plain)
+    parts = (("learn", ("train", "val"), scaled(80, 240)), ("test", ("test",), scaled(32, 120)))
     for name, splits, n in parts:
         config = dataclasses.replace(base, object_splits=splits)
         generate(config, n, folder / name, workers=2, episode_timeout=60.0)

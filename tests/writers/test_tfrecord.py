@@ -248,3 +248,12 @@ def test_a_store_without_videos_is_refused_with_what_to_do(tmp_path: Path) -> No
     dataset = make_store(tmp_path / "store.zarr", video_hz=0)
     with pytest.raises(UsageError, match=r"has no videos.*: generate .* with --video-hz 10"):
         dataset.export("tfrecord", tmp_path / "out")
+
+
+def test_an_episode_that_no_message_can_hold_is_refused(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grasp_factory.writers.exporters.tfrecord.MOST_BYTES", 1000)
+    with pytest.raises(UsageError, match=r"row \d+ takes .* as one message, valid: at most 1.0 kB"):
+        dataset.export("tfrecord", tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -21,6 +21,8 @@ from grasp_factory.core.field import Field
 from grasp_factory.core.schema import NOT_IN_AN_EPISODE
 from grasp_factory.core.serialization import check_range
 from grasp_factory.core.splits import SPLITS
+from grasp_factory.core.text_format import size_text
+from grasp_factory.errors import UsageError
 from grasp_factory.writers.exporters.base import (
     ExportContents,
     Exporter,
@@ -44,6 +46,8 @@ from grasp_factory.writers.exporters.tfrecord_file import example, record
 
 NAME, VERSION = "grasp_factory", "1.0.0"
 """Of the data set in TFDS."""
+MOST_BYTES = 2**31 - 1
+"""Of an episode: https://protobuf.dev/programming-guides/proto-limits/#total."""
 
 FeatureValues = tuple[TfdsFeature, NDArray[Any]]
 """A feature, and its values of an episode: those of all steps, (K, ...), or of the episode."""
@@ -100,10 +104,21 @@ def write_part(job: ExportJob, part: ExportPart) -> TfrecordShard:
                     for name, (feature, values) in arrays.items()
                 }
             )
+            _check_size(job, place, data)
             file.write(record(data))
             size += len(data)
     name = str(job.episodes.value(part.places[0], "split"))
     return TfrecordShard(split=name, episodes=len(part.places), bytes=size)
+
+
+def _check_size(job: ExportJob, place: int, data: bytes) -> None:
+    """Refuse what no reader of protobuf takes."""
+    if len(data) > MOST_BYTES:
+        raise UsageError(
+            f"tfrecord: row {job.episodes.origin(place)[1]} takes {size_text(len(data))} as"
+            f" one message, valid: at most {size_text(MOST_BYTES)}, which is the limit of protobuf;"
+            " leave it out, or take webdataset"
+        )
 
 
 def episode_arrays(
