@@ -148,6 +148,7 @@ class TestARunThatGoesOn:
         )
         shot(page, "alarm")
 
+    @pytest.mark.soak
     def test_a_run_that_is_stopped_is_said_to_be(self, page: Page, endless: LiveRun) -> None:
         """The last test of the class: the run is over then."""
         page.open(endless.url)

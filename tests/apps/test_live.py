@@ -516,6 +516,7 @@ class TestARealRun:
         subprocess.run([*command, "--out", str(plain), "--quiet"], check=True)
         assert_same_tree(watched, plain)
 
+    @pytest.mark.soak
     def test_rings_when_its_images_are_black(self, tmp_path: Path) -> None:
         light = [f"randomize.looks.{name}=[0,0]" for name in ("ambient", "diffuse", "specular")]
         dark = [part for one in light for part in ("--set", one)]

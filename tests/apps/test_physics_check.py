@@ -110,6 +110,7 @@ def test_labels_that_finer_steps_do_not_confirm_are_counted(successes):
         assert [f.passes for f in wrong[:2]] == [False, False]
 
 
+@pytest.mark.soak
 def test_the_holding_threshold_is_coulombs(capsys):
     with World() as world:
         (figure,) = coulomb.threshold(world)

@@ -214,6 +214,7 @@ class TestFigure:
             high = min(a.y1, b.y1) - max(a.y0, b.y0)
             assert wide <= 1.0 or high <= 2.0, (word, other)
 
+    @pytest.mark.soak
     def test_names_that_are_long_or_odd_stay_words_within_the_picture(self) -> None:
         episode = DATASET[0]
         target = episode.spec.objects[0]

@@ -16,6 +16,7 @@ from support.exporter_contract import (
     ExporterContract,
     KilledContract,
     N,
+    WorkersContract,
     cameras,
     make_store,
 )
@@ -43,7 +44,18 @@ FOLDERS = ["lines of the tests", "lerobot", "rosbag2"]
 """One file, files in folders, and a library that writes files by itself."""
 
 
-@pytest.mark.parametrize("name", [*FOLDERS, *soak_only(*sorted(set(ALL) - set(FOLDERS)))])
+SOME = [*FOLDERS, *soak_only(*sorted(set(ALL) - set(FOLDERS)))]
+"""What starts processes; the other formats are in the soak."""
+
+
+@pytest.mark.parametrize("name", SOME)
+class TestTwoWorkers(WorkersContract):
+    @pytest.fixture
+    def exporter(self, name: str) -> Exporter:
+        return ALL[name]
+
+
+@pytest.mark.parametrize("name", SOME)
 class TestAKilledExport(KilledContract):
     @pytest.fixture
     def exporter(self, name: str) -> Exporter:

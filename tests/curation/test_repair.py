@@ -800,6 +800,7 @@ class TestAFingerprintThatIsLost:
         assert Dataset.open(copy).column("fingerprint").tolist() == [HERE.text] * N
         assert {k for k, v in before.items() if tree(copy).get(k) != v} == set()
 
+    @pytest.mark.soak
     def test_comes_back_with_its_file_in_one_run(self, copy: Path) -> None:
         before = tree(copy)
         shutil.rmtree(copy / "packed")

@@ -33,7 +33,7 @@ def alone(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("workers", [2, *soak_only(3)])
+@pytest.mark.parametrize("workers", soak_only(2, 3))
 def test_the_number_of_workers_does_not_change_a_byte(alone, tmp_path, workers):
     generate(tmp_path / "ds.zarr", workers=workers)
     assert_same_tree(alone, tmp_path / "ds.zarr")

@@ -360,6 +360,7 @@ def test_a_policy_plans_grasps(package: Path) -> None:
     assert {episode.columns["grasp_proposer"] for episode in episodes} == {"central"}
 
 
+@pytest.mark.soak
 def test_an_object_set_is_dropped(package: Path) -> None:
     episodes = generated(package, "objects", "--objects", "bricks")
     for episode in episodes:

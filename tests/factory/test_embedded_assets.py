@@ -96,6 +96,7 @@ def test_a_folder_is_used_with_its_refusals_and_warnings_named(made: tuple[Path,
     assert ids <= {"things/small", "things/größer"}
 
 
+@pytest.mark.soak
 def test_the_same_folder_elsewhere_gives_the_same_bytes_with_any_workers(
     made: tuple[Path, str], home: Path
 ) -> None:

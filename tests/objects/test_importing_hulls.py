@@ -98,6 +98,7 @@ class TestBoundedWork:
         assert 1 <= parts <= MAX_HULLS
         assert "it falls into many pieces, and collides as convex hulls of these" in warnings
 
+    @pytest.mark.soak
     @pytest.mark.timeout(60)
     def test_a_crumpled_mesh_collides_coarsely(self) -> None:
         x, y = (v.reshape(-1) for v in np.meshgrid(*[np.linspace(-0.03, 0.03, 60)] * 2))

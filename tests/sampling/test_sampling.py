@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.scale import scaled
+from support.scale import scaled, soak_only
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
@@ -327,7 +327,7 @@ class TestSplits:
         assert not seen["val"] & seen["test"]
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("splits", [("train",), ("val", "test"), ("test",)])
+    @pytest.mark.parametrize("splits", [("val", "test"), *soak_only(("train",), ("test",))])
     def test_objects_are_of_the_splits_that_are_asked_for(self, splits: tuple[str, ...]) -> None:
         config = FactoryConfig(object_splits=splits, clutter=ClutterConfig(count=3))
         drawn = specs(config, 200)
@@ -336,6 +336,7 @@ class TestSplits:
         shares = Counter(spec.objects[0].object_set for spec in drawn)
         assert abs(shares["procedural"] - 100) < 29  # four sigma: the sets keep their shares
 
+    @pytest.mark.soak
     @pytest.mark.slow
     def test_all_objects_of_a_split_are_drawn_from_a_set_that_lists_them(self) -> None:
         config = FactoryConfig(object_splits=("test",), object_sets={"blobs": 1.0})

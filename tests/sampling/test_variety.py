@@ -92,6 +92,7 @@ class TestDeterminism:
         dataset = Dataset.open(tmp_path / "1.zarr")
         assert [i for i in range(5) if not dataset.verify(i)] == []
 
+    @pytest.mark.soak
     def test_an_episode_does_not_depend_on_what_was_made_before(self, world: World) -> None:
         config = variant(
             randomize=RANDOMIZE_PRESETS["strong"],

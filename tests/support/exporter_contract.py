@@ -122,7 +122,7 @@ class ExporterContract(ExportFixtures):
     - It fills ``job.folder`` and creates nothing beside it.
     - It writes every chosen episode that it can hold, and calls ``on_episode`` once for each.
     - It says of every array of the store whether it is written, or why it is left out.
-    - The same rows yield the same bytes, for any number of workers; another order, other bytes.
+    - The same rows yield the same bytes; another order, other bytes.
     - It leaves the store as it is.
     - It refuses an unknown setting with the valid ones.
     - It leaves nothing behind when anything fails: the disk, the user's Ctrl-C, a damaged store.
@@ -176,7 +176,7 @@ class ExporterContract(ExportFixtures):
     ) -> None:
         first, again, other = (out.with_stem(name) for name in ("a", "b", "c"))
         export(path=first)
-        export(path=again, workers=2)
+        export(path=again)
         export(ROWS[::-1], path=other)
         assert tree(first) == tree(again)
         assert tree(first) != tree(other)
@@ -259,6 +259,18 @@ class ExporterContract(ExportFixtures):
         assert list(out.parent.iterdir()) == [out]
         if what == "a file":
             assert out.read_text() == "mine"
+
+
+class WorkersContract(ExportFixtures):
+    """Bytes do not depend on the number of workers."""
+
+    def test_two_workers_give_the_bytes_of_one(
+        self, export: Callable[..., Exported], out: Path
+    ) -> None:
+        alone, shared = out.with_stem("alone"), out.with_stem("shared")
+        export(path=alone)
+        export(path=shared, workers=2)
+        assert tree(alone) == tree(shared)
 
 
 class KilledContract(ExportFixtures):

@@ -88,7 +88,7 @@ def want(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.usefixtures("quick")
 class TestAFault:
     @pytest.mark.parametrize("stays", [*soak_only(False), True])
-    @pytest.mark.parametrize("stage", sampled(STAGES, 7))
+    @pytest.mark.parametrize("stage", sampled(STAGES, 5))
     def test_at_any_stage_is_one_error_and_the_run_is_gone_on_with(
         self, tmp_path: Path, want: Path, stage: str, stays: bool
     ) -> None:
