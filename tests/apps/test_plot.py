@@ -321,6 +321,7 @@ class TestPicture:
         assert image.shape == (size[1], size[0], 3)
         assert np.array_equal(image, plot_episode(DATASET, 0, "front", size))
 
+    @pytest.mark.soak
     def test_red_stays_red(self) -> None:
         for success, (red, green, blue) in ((True, (0, 158, 115)), (False, (213, 94, 0))):
             badge = plot_episode(DATASET, row_of(success))[16:42, 24:200]

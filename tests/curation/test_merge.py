@@ -347,6 +347,7 @@ class TestPartsOfOneDataset:
         merge([tmp_path / "b", tmp_path / "a"], tmp_path / "out")
         assert_same_tree(tmp_path / "out", tmp_path / "want")
 
+    @pytest.mark.soak
     def test_the_rest_can_be_made_later(self, tmp_path: Path) -> None:
         config = replace(SMALL, resolution=(32, 24), block_size=2)
         factory.generate(config, 6, tmp_path / "want", workers=1)

@@ -274,6 +274,7 @@ def rewrite(store: Path, paths: Iterable[str], **changed: Any) -> None:
 
 
 class TestArraysThatAnotherProgramWroteAnew:
+    @pytest.mark.soak
     def test_are_noted_where_their_values_are_the_old_ones(
         self, store: Path, copy: Path, run: Any
     ) -> None:

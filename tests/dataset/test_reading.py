@@ -275,6 +275,7 @@ class TestSplits:
             "unknown split 'trian'; did you mean 'train'? (valid: test, train, val)"
         )
 
+    @pytest.mark.soak
     @pytest.mark.slow
     @settings(max_examples=25)
     @given(seed=st.integers(0, 2**31), first=st.integers(0, 10**6), count=st.integers(1, 4))

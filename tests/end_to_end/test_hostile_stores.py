@@ -77,7 +77,7 @@ PAGES = (
     *("video/0/{row}/front/0.jpg", "cloud/0/{row}/0"),
 )
 """What the page is asked for."""
-USUAL = 200
+USUAL = 100
 """Attacks in a normal run; a soak runs all of them."""
 MOST_S, MOST_KB = 10.0, 1_000_000
 

@@ -19,7 +19,7 @@ from grasp_factory.dataset.dataset import Dataset
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 N = 8
-RUNS = scaled(2, 30)
+RUNS = scaled(1, 30)
 FEWER = 5
 """Of a store that is then grown: its last block is cut short."""
 COMMAND = (

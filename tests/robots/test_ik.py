@@ -116,6 +116,7 @@ def test_ik_reaches_the_table_from_above_whichever_way_the_hand_is_turned(arm: s
                 assert_solves(ARMS[arm], result.joint_positions, T_base_tip)
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_the_iiwa_misses_from_above_only_what_its_elbow_cannot_reach() -> None:
     shoulder = np.array([0.0, 0.0, 0.36])

@@ -63,6 +63,7 @@ def cluttered(count: int) -> tuple[Episode, ...]:
 
 
 class TestLooks:
+    @pytest.mark.soak
     def test_two_presets_that_differ_in_looks_alone_have_the_same_physics(
         self, world: World
     ) -> None:

@@ -63,6 +63,7 @@ with World() as world:
             input=spec.to_json(), capture_output=True, check=True, text=True,
         ).stdout.strip()  # fmt: skip
 
+    @pytest.mark.soak
     def test_an_episode_has_the_same_bytes_in_a_fresh_process_and_after_twenty_others(self):
         late = default_episodes(22)[21]
         assert self.in_a_fresh_process(late.spec) == late.checksum()
