@@ -71,6 +71,7 @@ def sign(
     read_attributes(store)
     with StoreLock(store):
         place = place_of(store)
+        is_first = not (place / FOLDER).exists()
         write_placeholder(place, FOLDER, _DESCRIPTION)
         lines = [
             f"{digest}  {name}\n" for name, digest in _digests(_files(place), on_start, on_file)
@@ -78,6 +79,8 @@ def sign(
         text = "".join(lines).encode()
         signature = _ssh_keygen("sign", "-q", "-f", str(key), "-n", NAMESPACE, given=text)
         if signature.returncode:
+            if is_first:
+                (place / FOLDER).rmtree()
             raise UsageError(f"{key} cannot sign: {_said(signature)}; name a private SSH key")
         try:
             (place / FOLDER / SUMS).write(text, durable=True)

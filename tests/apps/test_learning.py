@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, average_precision_score, roc_auc_score
-from support.scale import scaled
+from support.scale import IS_SOAK, scaled
 
 from grasp_factory import FactoryConfig, generate
 from grasp_factory.apps.learning.comparison import Course, Splits, compare, read_splits, train_on
@@ -275,6 +275,7 @@ def test_shuffled_labels_teach_nothing() -> None:
 
 
 @pytest.mark.soak
+@pytest.mark.skipif(not IS_SOAK, reason="few episodes teach too little")
 def test_shuffled_labels_of_real_episodes_teach_nothing(stores: tuple[Path, Path]) -> None:
     learn, test = map(Dataset.open, stores)
     course = Course(kinds=("vision",), settings=TrainSettings(epochs=10))

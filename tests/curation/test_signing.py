@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.helpers import tree
 from support.places import TINY
 
 from grasp_factory.curation.signing import FOLDER, SUMS, check_signature, sign
@@ -123,8 +124,10 @@ def test_a_signature_is_no_foreign_file_of_the_store(signed: Path, run: Any) -> 
 
 
 def test_keys_that_cannot_be_used_are_errors(store: Path, keys: Path, tmp_path: Path) -> None:
+    before = tree(store)
     with pytest.raises(UsageError, match="cannot sign"):
         sign(store, tmp_path / "nothing")
+    assert tree(store) == before
     with pytest.raises(UsageError, match="is no public SSH key"):
         check_signature(store, keys / "mine")
     with pytest.raises(UsageError, match="cannot be read"):
