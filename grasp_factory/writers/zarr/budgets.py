@@ -54,6 +54,11 @@ def check_block_size(config: FactoryConfig) -> None:
     )
     fits = episode * config.block_size + video <= most
     check(fits, "block_size", config.block_size, valid)
+    valid = (
+        f"lower: a video would have up to {config.longest_video} frames, and readers accept"
+        f" {CHUNKS.most}; {VARIABLE}=chunks=N raises this limit for all commands"
+    )
+    check(config.longest_video <= CHUNKS.most, "video_hz", config.video_hz, valid)
 
 
 def _field_bytes(field: schema.Field, shape: tuple[int, ...]) -> int:

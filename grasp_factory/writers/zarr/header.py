@@ -31,6 +31,7 @@ from grasp_factory.writers.zarr.bounded_codecs import bounded
 from grasp_factory.writers.zarr.budgets import check_whole
 from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.metadata_checksum import is_intact
+from grasp_factory.writers.zarr.pending_reads import ending_failed_reads
 
 LICENSE = "MIT"
 _NEEDED = {"config": dict, "config_sha256": str, "versions": dict, "platform": dict}
@@ -217,7 +218,8 @@ def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:
     if not selection:
         check_whole(array, f"{_where(array)}/{array.path}")
     try:
-        return np.asarray(array[selection])
+        with ending_failed_reads():
+            return np.asarray(array[selection])
     except Exception as error:  # decoders raise any exception at damaged bytes
         what = f"{array.path}{_span(selection)} cannot be read: {first_line(error)}"
     # Not in the handler above: the error would keep what the decoders have read in memory.
