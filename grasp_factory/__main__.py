@@ -30,13 +30,14 @@ from grasp_factory.errors import (
 
 LONGEST_MESSAGE = 1000
 _IN_THE_WAY = {
+    errno.ENOENT,
     errno.EISDIR,
     errno.ENOTDIR,
     errno.EEXIST,
     errno.ENOTEMPTY,
     errno.ENAMETOOLONG,
 }
-"""Error numbers of a folder where a file should be, or the other way round, and of such names."""
+"""Error numbers of a file that was removed, or a folder where a file should be, and of names."""
 
 
 def main() -> NoReturn:

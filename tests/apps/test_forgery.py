@@ -10,6 +10,7 @@ from pathlib import Path
 import google_crc32c
 import pytest
 from flask.testing import FlaskClient
+from numcodecs.zstd import compress
 from support.fake_episodes import JOINTS, make_rows, small_config
 
 from grasp_factory.apps.browse.app import create_app
@@ -120,6 +121,26 @@ class TestAnIndexThatCameWithAStore:
             assert built.path != shipped
             assert len(built.ids(Query.parse([]))) == N
         assert shipped.read_bytes() == before
+
+
+def test_rows_of_a_forged_store_are_not_shown_for_the_store_that_takes_its_place(
+    honest: Path,
+) -> None:
+    """Both have the same times of modification and, written over each other, the same inodes."""
+    forged = Path(shutil.copytree(honest, honest.with_name("forged.zarr")))
+    successes = Query.parse(["success=true"])
+    marker, column = forged / "episodes/status/0", forged / "episodes/success/0"
+    column.write_bytes(compress(bytes(N), 1))
+    with fresh([forged]) as index:
+        assert index.count(successes) == 0
+    for file in (column, marker):
+        times = marker.stat()
+        file.write_bytes((honest / file.relative_to(forged)).read_bytes())
+        os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
+    with fresh([honest]) as index:
+        wanted = index.count(successes)
+    with fresh([forged]) as index:
+        assert index.count(successes) == wanted > 0
 
 
 def test_an_index_in_the_cache_is_removed_when_it_was_not_used_for_a_long_time(

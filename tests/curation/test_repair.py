@@ -241,7 +241,7 @@ class TestTheNumberOfRows:
                 set_rows(place_at(file), rows)
         found = verify(copy)
         assert found.episodes == N
-        assert f"[{rows}] rows, the store has {N}" in str(found.problems[0])
+        assert f"{rows} rows, the store has {N}" in str(found.problems[0])
         assert repair(copy).is_whole
         assert_same_tree(store, copy)
 

@@ -55,7 +55,7 @@ def test_a_raised_limit_allows_larger_blocks_to_be_begun_and_read(
 
 def test_a_video_of_more_frames_than_readers_accept_is_not_begun(tmp_path: Path) -> None:
     slow = FactoryConfig.from_plain(
-        {"video_hz": 240, "resolution": [32, 24], "block_size": 1, "motion": {"speed_scale": 0.05}}
+        {"video_hz": 240, "resolution": [32, 24], "block_size": 1, "motion": {"lift_speed": 0.02}}
     )
     with pytest.raises(ConfigError, match=r"^video_hz: got 240, valid: lower: .* accept 4000"):
         check_place(tmp_path / "s.zarr", slow)

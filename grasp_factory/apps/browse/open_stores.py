@@ -81,5 +81,5 @@ def _stamp(path: Path) -> Stamp:
         except OSError:
             found.append((0, 0, 0))
         else:
-            found.append((state.st_ino, state.st_size, state.st_mtime_ns))
+            found.append((state.st_ino, state.st_size, state.st_ctime_ns))
     return tuple(found)

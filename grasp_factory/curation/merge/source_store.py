@@ -89,7 +89,7 @@ class SourceStore:
         unknown = set(seed.tolist()) - set(self.makers)
         if unknown:
             what = f"{self.path} is damaged: {SOURCES} does not name seed {min(unknown)}"
-            raise StoreError(f"{what}; {mending(self.path)}")
+            raise StoreError(f"{what}; get the store from its maker again")
         return Rows(row=row, seed=seed, index=index, is_quarantined=is_quarantined)
 
     def checksums(self) -> NDArray[Any]:

@@ -22,7 +22,6 @@ from grasp_factory.errors import (
     LimitError,
     StoreError,
     StoreMismatchError,
-    shown,
 )
 from grasp_factory.writers.zarr import layout
 from grasp_factory.writers.zarr.header import (
@@ -121,14 +120,15 @@ def group_faults(store: Place, arrays: Iterable[str]) -> Iterator[tuple[str, str
 
 def length_problems(documents: Mapping[str, Any], rows: int) -> list[Problem]:
     """Return a problem for each array whose ``zarr.json`` has another number of rows."""
+    found = ((name, document_rows(document)) for name, document in documents.items())
     return [
         Problem(
             episode=None,
             array=name,
-            what=f"{shown(document.get('shape', [])[:1])} rows, the store has {rows}",
+            what=f"{'no number of' if got is None else got} rows, the store has {rows}",
         )
-        for name, document in documents.items()
-        if document_rows(document) != rows
+        for name, got in found
+        if got != rows
     ]
 
 

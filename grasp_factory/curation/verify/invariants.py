@@ -24,6 +24,7 @@ from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import shown
 from grasp_factory.labels.quality import BEST, WORST
 from grasp_factory.labels.rule import Measurements
+from grasp_factory.writers.zarr.header import SOURCES
 
 UNIT = 1e-5
 """Tolerance of a quaternion's norm in single precision, and of a rotation matrix."""
@@ -85,7 +86,13 @@ def _recipe_faults(
         got = contents[f"episodes/{name}"].tolist()
         if got != value:
             yield f"episodes/{name}", f"{shown(got)}, its recipe has {shown(value)}"
-    if not pieces.is_collected:
+    if pieces.is_collected:
+        if spec.seed not in pieces.source_seeds:
+            yield (
+                "episodes/seed",
+                f"{spec.seed}, which the store's attribute {SOURCES} does not name",
+            )
+    else:
         if spec.index != i:
             yield "episodes/index", f"{spec.index}, which is another row's"
         if spec.seed != pieces.config.seed:

@@ -16,6 +16,7 @@ from grasp_factory.core.place import Place
 from grasp_factory.core.schema import Field
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import StoreError
+from grasp_factory.writers.zarr.budgets import check_row_count
 from grasp_factory.writers.zarr.chunks import unpack, unpack_words
 from grasp_factory.writers.zarr.layout import block_files, block_number
 
@@ -57,6 +58,7 @@ def number_of_rows(
 
     Raises:
         StoreError: if it cannot be determined.
+        LimitError: if a file's name claims many more rows than there are files for.
     """
     of_blocks = [field for field in fields.values() if not field.is_video]
     files = Counter(block for field in of_blocks for block in _block_numbers(store, field))
@@ -67,6 +69,7 @@ def number_of_rows(
     if not believed:
         return told or 0
     start = max(believed) * config.block_size
+    check_row_count(start, len(files), config.block_size, store)
     names = [name for name in _OF_EVERY_ROW if name in fields]
     filled = [_filled(store, fields[name], max(believed), config) for name in names]
     counts = [count for count in filled if count]

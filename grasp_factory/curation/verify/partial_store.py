@@ -11,6 +11,7 @@ from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.place import Place
 from grasp_factory.core.schema import Field
+from grasp_factory.core.serialization import is_integer
 from grasp_factory.curation.verify.documents import array_documents, length_problems
 from grasp_factory.curation.verify.foreign_chunks import is_rewritten
 from grasp_factory.curation.verify.length import most_rows, number_of_rows
@@ -51,6 +52,14 @@ class PartialStore:
     def is_collected(self) -> bool:
         """Whether it was merged or split, so that rows may have recipes of any index."""
         return SOURCES in self.attributes
+
+    @property
+    def source_seeds(self) -> set[int]:
+        """The seeds of its rows, if it was merged or split, as far as they can be read."""
+        sources = self.attributes[SOURCES]
+        told = sources if isinstance(sources, list) else ()
+        seeds = (source.get("seed") for source in told if isinstance(source, dict))
+        return {seed for seed in seeds if is_integer(seed)}
 
     @property
     def lacks_arrays(self) -> bool:

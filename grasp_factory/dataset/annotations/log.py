@@ -125,7 +125,7 @@ class AnnotationLog:
         return self._read().is_finished
 
     def state(self) -> tuple[int, int]:
-        """Return size [bytes] and modification time [ns] of the log; (0, 0) if there is none.
+        """Return size [bytes] and change time [ns] of the log; (0, 0) if there is none.
 
         This is a cheap way to find out whether anything was added.
         """
@@ -133,7 +133,7 @@ class AnnotationLog:
             found = log_file(self.store).stat()
         except OSError:
             return 0, 0
-        return found.st_size, found.st_mtime_ns
+        return found.st_size, found.st_ctime_ns
 
     def append(
         self, who: str, rows: Iterable[int], changes: Sequence[tuple[str, Any]]

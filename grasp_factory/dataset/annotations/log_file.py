@@ -73,6 +73,7 @@ def appending(store: Path) -> Iterator[int]:
     file = store / FOLDER / NAME
     try:
         log = log_file(store)
+        is_first = not log.parent.exists()
         log.parent.mkdir(exist_ok=True)
         descriptor = _take(log)
     except OSError as error:
@@ -85,6 +86,9 @@ def appending(store: Path) -> Iterator[int]:
         settle(descriptor)
         yield descriptor
     except OSError as error:
+        if is_first and not os.fstat(descriptor).st_size:
+            with contextlib.suppress(OSError):
+                log.parent.rmtree()
         raise _cannot("written", file, error) from None
     finally:
         os.close(descriptor)  # this releases the lock

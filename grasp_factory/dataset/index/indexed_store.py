@@ -50,7 +50,7 @@ class IndexSource:
         self.path = path
         self._columns = Columns.open(path)
         facts = (self._columns.place / "zarr.json").stat()
-        self.root = f"{facts.st_mtime_ns} {facts.st_ino}"
+        self.root = f"{facts.st_ctime_ns} {facts.st_ino}"
         self._config = self._columns.config
         fields = {row.path: row for row in schema.expand(self._config)}
         there = self._columns.names
@@ -82,7 +82,7 @@ class IndexSource:
             for name, facts in file_facts(self._columns.place / MARKERS):
                 number = block_number(name, schema.STATUS)
                 if number is not None and number < last:
-                    out[number] = f"{facts.st_mtime_ns} {facts.st_ino}"
+                    out[number] = f"{facts.st_mtime_ns} {facts.st_ctime_ns} {facts.st_ino}"
         except OSError as error:
             what = f"{self.path}: {MARKERS} cannot be read"
             raise StoreError(f"{what}: {error.strerror}") from None
@@ -202,6 +202,9 @@ class IndexSource:
 def state_of(store: Path) -> str | None:
     """Return a text that changes when the indexed data of a store changes, except annotations.
 
+    It has the times when files changed on this machine. Times of modification come with an archive:
+    a stranger's file could have those of an honest one.
+
     Return None if the store changed so recently that the file system may assign the same time to
     another change.
 
@@ -214,8 +217,8 @@ def state_of(store: Path) -> str | None:
         place = place_of(store)
         for name in ("zarr.json", f"{MARKERS}/zarr.json", MARKERS):
             facts = (place / name).stat()
-            parts.append(f"{facts.st_mtime_ns} {facts.st_ino}")
-            newest = max(newest, facts.st_mtime)
+            parts.append(f"{facts.st_ctime_ns} {facts.st_ino}")
+            newest = max(newest, facts.st_ctime)
     except OSError as error:
         raise StoreError(f"there is no store at {store} any more: {error.strerror}") from None
     return "; ".join(parts) if now - newest > SETTLED_S else None

@@ -84,7 +84,8 @@ def check_arrays(store: Place, config: FactoryConfig, arrays: Iterable[zarr.Arra
         CHUNKS.check(_pieces(whole, array.chunks), where)
         block += math.prod(whole) * array.dtype.itemsize
         if array.path == schema.STATUS.path:
-            _check_rows(store, array, config.block_size)
+            there = len((store / array.path).names())
+            check_row_count(array.shape[0], there, config.block_size, store.path)
     BLOCK.check(block, store.path)
 
 
@@ -132,13 +133,14 @@ class TextBudget:
         WORDS.check(self._bytes, self._store.path)
 
 
-def _check_rows(store: Place, status: zarr.Array[Any], block_size: int) -> None:
-    """Check that there are not many more rows than the store has blocks for."""
-    rows = status.shape[0]
-    if rows > ROWS.usual:
-        there = len((store / status.path).names()) * block_size
-        if rows > 2 * there:
-            ROWS.check(rows, store.path)
+def check_row_count(rows: int, blocks: int, block_size: int, where: object) -> None:
+    """Check that a store does not claim many more rows than it has blocks for.
+
+    Raises:
+        LimitError: naming the place.
+    """
+    if rows > ROWS.usual and rows > 2 * blocks * block_size:
+        ROWS.check(rows, where)
 
 
 def _whole(array: zarr.Array[Any], rows: int) -> tuple[int, ...]:

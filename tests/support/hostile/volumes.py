@@ -186,3 +186,42 @@ def _(store: Path, outside: Path) -> None:
 def _(store: Path, outside: Path) -> None:
     for number in range(40):
         sparse(f"objects/{number}", 3 * GB)(store, outside)
+
+
+def _far_block(number: int) -> Attack:
+    """Copy block 0 of every array but videos to a block far away."""
+
+    def change(store: Path, outside: Path) -> None:
+        for file in store.glob("*/**/zarr.json"):
+            for first in file.parent.glob("0*"):
+                if first.is_file():
+                    name = f"{number}{first.name[1:]}"
+                    first.with_name(name).write_bytes(first.read_bytes())
+
+    return change
+
+
+for _number in (200_000, 99_999_999, 999_999_999_999):
+    ATTACKS[f"a block {_number} of all arrays"] = _far_block(_number)
+
+
+def _shaped(shape: Any) -> Attack:
+    """Change a shape in a store of another version, whose arrays may differ from those of ours."""
+    older = edited("", lambda d: d["attributes"]["versions"].update(grasp_factory="0.7.0"))
+    return _both(older, edited("streams/tcp_pose", lambda document: document.update(shape=shape)))
+
+
+for _shape in (7, {}, None, "rows", [None], [[3]], [-1, 7]):
+    ATTACKS[f"a shape that is {_shape}"] = _shaped(_shape)
+
+
+@attack("sources that do not name the seed of the rows")
+def _(store: Path, outside: Path) -> None:
+    source = {"seed": 999, "rows": 10, "config_sha256": "0" * 64, "made_with": []}
+    edited("", lambda d: d["attributes"].update(sources=[source]))(store, outside)
+
+
+for _sources in (7, [7], [{"seed": [1]}], {"seed": 3}):
+    ATTACKS[f"sources that are {_sources}"] = edited(
+        "", lambda d, found=_sources: d["attributes"].update(sources=found)
+    )
