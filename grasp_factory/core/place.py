@@ -21,8 +21,7 @@ from pathlib import Path
 from grasp_factory.core.atomic_file import PARTIAL, fsync_descriptors
 from grasp_factory.core.directories import Root, walk
 from grasp_factory.core.limits import DEPTH, Limit
-from grasp_factory.core.regular_file import check_parts, irregular, read_part
-from grasp_factory.errors import IrregularFileError
+from grasp_factory.core.regular_file import check_inside, check_parts, irregular, read_part
 
 _READ = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 _CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -46,10 +45,8 @@ class Place:
         self.root, self.inner = root, inner
 
     def __truediv__(self, inner: str) -> Place:
-        if ".." in inner and ".." in inner.split("/"):
-            raise IrregularFileError(f"{self.path / inner} leads out of {self.root.path}")
-        is_below = self.inner and inner
-        return Place(self.root, f"{self.inner}/{inner}" if is_below else self.inner or inner)
+        check_inside(self.root.path, inner)
+        return Place(self.root, f"{self.inner}/{inner}".strip("/"))
 
     def __str__(self) -> str:
         return str(self.path)

@@ -67,6 +67,16 @@ def irregular(file: Path) -> IrregularFileError:
     return IrregularFileError(f"{file} is in the way: it is no regular file; move it")
 
 
+def check_inside(root: Path, inner: str) -> None:
+    """Check that a path below a root does not lead out of it.
+
+    Raises:
+        IrregularFileError: if a part of it is ``..``.
+    """
+    if ".." in inner and ".." in inner.split("/"):
+        raise IrregularFileError(f"{root / inner} leads out of {root}: no part may be '..'")
+
+
 def check_parts(root: Path, inner: str) -> None:
     """Check that no part of a path below a root is a link or an irregular file.
 

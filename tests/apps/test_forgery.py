@@ -130,9 +130,9 @@ def test_rows_of_a_forged_store_are_not_shown_for_the_store_that_takes_its_place
     forged = Path(shutil.copytree(honest, honest.with_name("forged.zarr")))
     successes = Query.parse(["success=true"])
     marker, column = forged / "episodes/status/0", forged / "episodes/success/0"
-    column.write_bytes(compress(bytes(N), 1))
+    column.write_bytes(compress(bytes([1] * N), 1))
     with fresh([forged]) as index:
-        assert index.count(successes) == 0
+        assert index.count(successes) == N
     for file in (column, marker):
         times = marker.stat()
         file.write_bytes((honest / file.relative_to(forged)).read_bytes())
@@ -140,7 +140,7 @@ def test_rows_of_a_forged_store_are_not_shown_for_the_store_that_takes_its_place
     with fresh([honest]) as index:
         wanted = index.count(successes)
     with fresh([forged]) as index:
-        assert index.count(successes) == wanted > 0
+        assert index.count(successes) == wanted < N
 
 
 def test_an_index_in_the_cache_is_removed_when_it_was_not_used_for_a_long_time(

@@ -56,6 +56,13 @@ def test_a_link_in_place_of_a_file_is_replaced_and_not_followed(inside: Path) ->
     assert (inside.with_name("outside") / "secret").read_text() == "secret"
 
 
+@pytest.mark.parametrize("inner", ["..", "../outside", "folder/../../outside", "folder/.."])
+def test_no_place_leads_out_of_its_root(inside: Path, inner: str) -> None:
+    with pytest.raises(IrregularFileError, match=r"no part may be '\.\.'"):
+        place_of(inside) / inner
+    assert (place_of(inside) / "a..b").inner == "a..b"
+
+
 def test_a_removed_link_leaves_what_it_leads_to(inside: Path) -> None:
     (place_of(inside) / "link").unlink()
     (inside / "a" / "way").symlink_to(inside.with_name("outside"))

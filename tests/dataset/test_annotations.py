@@ -940,6 +940,22 @@ class TestAStoreThatCannotBeWritten:
             assert is_sealed(place_at(path / "annotations" / "zarr.json"))
         assert raised >= (6 if is_new else 2)
 
+    def test_the_first_one_leaves_nothing_where_nothing_can_be_written(
+        self, plain: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        before = tree(plain)
+
+        def full(*_: Any) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        for name in ("write_placeholder", "settle"):
+            with monkeypatch.context() as patch:
+                patch.setattr(f"grasp_factory.dataset.annotations.log_file.{name}", full)
+                with pytest.raises(StoreError, match="cannot be written: No space left"):
+                    AnnotationLog(plain).append("ann", [0], [("tag", "odd")])
+            assert tree(plain) == before
+            assert not (plain / "annotations").exists()
+
     def test_because_the_disk_is_full_is_as_it_was(self, store: Path) -> None:
         log = AnnotationLog(store)
         log.append("ann", [0], [("tag", "odd")])
