@@ -11,7 +11,6 @@ from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.place import Place
 from grasp_factory.core.schema import Field
-from grasp_factory.core.serialization import is_integer
 from grasp_factory.curation.verify.documents import array_documents, length_problems
 from grasp_factory.curation.verify.foreign_chunks import is_rewritten
 from grasp_factory.curation.verify.length import most_rows, number_of_rows
@@ -59,7 +58,7 @@ class PartialStore:
         sources = self.attributes[SOURCES]
         told = sources if isinstance(sources, list) else ()
         seeds = (source.get("seed") for source in told if isinstance(source, dict))
-        return {seed for seed in seeds if is_integer(seed)}
+        return {seed for seed in seeds if isinstance(seed, int)}
 
     @property
     def lacks_arrays(self) -> bool:
