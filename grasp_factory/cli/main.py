@@ -14,6 +14,8 @@ import click
 from grasp_factory import __version__
 from grasp_factory.cli.active_learning import flywheel
 from grasp_factory.cli.browse import browse
+from grasp_factory.cli.calibrate import calibrate
+from grasp_factory.cli.capture import capture
 from grasp_factory.cli.card import card
 from grasp_factory.cli.check_physics import check_physics
 from grasp_factory.cli.export import export
@@ -50,7 +52,7 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),
     "Search and annotate episodes": (index, query, tag, tags),
     "Check, change and export a dataset": (verify, repair, sign, relabel, merge, split, export),
-    "Use recordings of real robots": (import_,),
+    "Use recordings of real robots": (capture, calibrate, import_),
     "Train on a dataset": (train, learning_curve, flywheel),
 }
 """Heading in the help to subcommands."""

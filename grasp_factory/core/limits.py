@@ -83,6 +83,12 @@ IMPORT_FILE = Limit("import-file", 4 * 2**30, "a file of an import", source="fil
 IMPORT_CPU = Limit(
     "import-seconds", 3600, "the CPU time of an import", is_count=True, source="file"
 )
+SESSION_MEMORY = Limit("session-memory", 2**31, "the memory to read a session", source="session")
+SESSION_FILE = Limit("session-file", 64 * 2**30, "a file of a session", source="session")
+SESSION_CPU = Limit(
+    "session-seconds", 86_400, "the CPU time to read a session", is_count=True, source="session"
+)
+MODEL = Limit("model", 256 * 2**20, "a model", source="model")
 LIMITS = {
     limit.name: limit
     for limit in (
@@ -107,6 +113,10 @@ LIMITS = {
         IMPORT_MEMORY,
         IMPORT_FILE,
         IMPORT_CPU,
+        SESSION_MEMORY,
+        SESSION_FILE,
+        SESSION_CPU,
+        MODEL,
     )
 }
 

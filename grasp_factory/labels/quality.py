@@ -6,7 +6,7 @@ store can be computed again with other thresholds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,15 +35,15 @@ class Criterion:
     """The score loses one point for each group in which a criterion is not met."""
     column: str
     threshold: str
-    """A field of ``QualityConfig``: ``min_...`` or ``max_...``."""
+    """A field of the thresholds (``QualityConfig``): ``min_...`` or ``max_...``."""
 
-    def is_met(self, values: ArrayLike, thresholds: QualityConfig) -> NDArray[np.bool_]:
+    def is_met(self, values: ArrayLike, thresholds: object) -> NDArray[np.bool_]:
         """Return where the criterion is met, in the shape of ``values``; NaN meets it."""
         found, bound = np.asarray(values, np.float64), getattr(thresholds, self.threshold)
         missed = found < bound if self._is_least else found > bound
         return np.asarray(~missed)
 
-    def text(self, value: float, thresholds: QualityConfig) -> str:
+    def text(self, value: float, thresholds: object) -> str:
         """Return the value found and the valid range."""
         word, bound = "least" if self._is_least else "most", getattr(thresholds, self.threshold)
         return f"{self.column} {value:.4g}, valid: at {word} {bound:g} ({self.threshold})"
@@ -71,31 +71,37 @@ MEASURED = tuple(dict.fromkeys(criterion.column for criterion in CRITERIA))
 """The columns that a score depends on."""
 
 
-def quality_scores(columns: Mapping[str, Any], thresholds: QualityConfig) -> NDArray[np.uint8]:
+def quality_scores(
+    columns: Mapping[str, Any], thresholds: object, criteria: Sequence[Criterion] = CRITERIA
+) -> NDArray[np.uint8]:
     """Return scores from 1 to 5: 5, minus 1 for each group with a criterion that is not met.
 
     Args:
-        columns: Values by column, at least those of ``MEASURED``, all of one shape: (N,) for N
+        columns: Values by column, at least those of the criteria, all of one shape: (N,) for N
             episodes, () for one.
-        thresholds: Bounds of the criteria.
+        thresholds: Bounds of the criteria, a ``QualityConfig`` for those of episodes.
+        criteria: What is compared; by default what a simulated episode is judged by.
     """
     poor: dict[str, NDArray[np.bool_]] = {}
-    for criterion in CRITERIA:
+    for criterion in criteria:
         missed = ~criterion.is_met(columns[criterion.column], thresholds)
         poor[criterion.group] = poor.get(criterion.group, np.False_) | missed
     points = np.sum(list(poor.values()), axis=0)
     return np.asarray(np.maximum(BEST - points, WORST), np.uint8)
 
 
-def shortcomings(columns: Mapping[str, Any], thresholds: QualityConfig) -> tuple[str, ...]:
+def shortcomings(
+    columns: Mapping[str, Any], thresholds: object, criteria: Sequence[Criterion] = CRITERIA
+) -> tuple[str, ...]:
     """Return a text for each criterion that one episode does not meet.
 
     Args:
-        columns: Values by column, at least those of ``MEASURED``.
+        columns: Values by column, at least those of the criteria.
         thresholds: Bounds of the criteria.
+        criteria: What is compared.
     """
     return tuple(
         criterion.text(float(columns[criterion.column]), thresholds)
-        for criterion in CRITERIA
+        for criterion in criteria
         if not criterion.is_met(columns[criterion.column], thresholds)
     )

@@ -28,7 +28,7 @@ from support.places import TINY
 
 from grasp_factory.apps.bag_import import importing
 from grasp_factory.apps.bag_import.importing import import_bag, list_topics
-from grasp_factory.apps.bag_import.pixel_decoding import ENCODINGS
+from grasp_factory.capture.bags.pixel_decoding import ENCODINGS
 from grasp_factory.core.executors import LimitedExecutor, import_process
 from grasp_factory.core.limits import VARIABLE
 from grasp_factory.dataset.dataset import Dataset

@@ -24,16 +24,12 @@ from support.live_run import ALONE, SMALL, running
 
 from grasp_factory.apps.live import watch
 from grasp_factory.apps.live.alarms import (
-    AGAIN_S,
     ALARM_CHECKS,
     FEWEST_QUARANTINED,
     NOT_TRIED,
     RESERVE,
     STALL_S,
     START_S,
-    Alarm,
-    AlarmBook,
-    Finding,
     findings,
 )
 from grasp_factory.apps.live.drift import EVERY, FALSE_ALARMS, LAST, SuccessDrift, two_sided
@@ -43,6 +39,7 @@ from grasp_factory.apps.live.view import LiveView
 from grasp_factory.apps.live.watch import RunWatch
 from grasp_factory.apps.live.windows import MOST_WINDOWS, TICK_S, EpisodeRate, Windows
 from grasp_factory.cli.run_progress import live_view
+from grasp_factory.core.alarm_book import AGAIN_S, Alarm, AlarmBook, Finding
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.enums import Outcome, names
 from grasp_factory.core.episode import Episode, EpisodeSpec

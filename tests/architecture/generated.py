@@ -13,6 +13,7 @@ from pathlib import Path
 from architecture.test_rooms import OWNERS, PACKAGE, ROOMS, SIMULATES, WALLS, arrows, reachable
 from support.places import DOCS
 
+from grasp_factory.capture.devices import DEVICES
 from grasp_factory.core.schema import markdown_table
 from grasp_factory.writers.exporters import EXPORTERS
 
@@ -129,6 +130,15 @@ def export_formats() -> str:
     return table(("format", "content", "leaves out", "extra", "import"), rows)
 
 
+def devices() -> str:
+    """Return a table of the devices."""
+    rows = [
+        (f"`{m.name}`", m.kind.name.lower(), m.description, f"`{m.extra}`" if m.extra else "")
+        for m in DEVICES.values()
+    ]
+    return table(("driver", "kind", "device", "extra"), rows)
+
+
 PARTS: Mapping[str, Callable[[], str]] = {
     "picture of the rooms": picture,
     "rooms": rooms,
@@ -138,12 +148,14 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "arrays of the store": markdown_table,
     "files of the package": files,
     "export formats": export_formats,
+    "devices": devices,
 }
 PAGES = (
     DOCS / "architecture.md",
     DOCS / "files.md",
     DOCS / "reference" / "format.md",
     DOCS / "guides" / "export.md",
+    DOCS / "guides" / "devices.md",
 )
 
 

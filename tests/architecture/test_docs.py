@@ -170,18 +170,28 @@ def test_a_command_exists_and_has_its_options(page: Path) -> None:
     for name, *words in commands(page):
         if name.startswith("-") or name.isupper():  # --version, COMMAND
             continue
-        command = cli.commands[name]
+        command, rest = cli.commands[name], list(words)
+        while isinstance(command, click.Group) and rest:
+            command = command.commands[rest.pop(0)]
         try:
-            command.make_parser(click.Context(command)).parse_args(list(words))
+            command.make_parser(click.Context(command)).parse_args(rest)
         except click.NoSuchOption as error:
             pytest.fail(f"grasp-factory {name} {' '.join(words)}: {error.message}")
         except click.BadOptionUsage:
             pass  # an option that is named in a sentence, without its value
 
 
+def all_commands(group: click.Group) -> Iterator[click.Command]:
+    """Yield the commands of a group, and of the groups in it."""
+    for command in group.commands.values():
+        yield command
+        if isinstance(command, click.Group):
+            yield from all_commands(command)
+
+
 @every_page
 def test_an_option_that_is_named_in_a_sentence_exists(page: Path) -> None:
-    params = [param for command in cli.commands.values() for param in command.params]
+    params = [param for command in all_commands(cli) for param in command.params]
     known = {name for param in params for name in (*param.opts, *param.secondary_opts)}
     named = {code.split()[0].partition("=")[0] for code in CODE.findall(prose(page))}
     found = {name for name in named if re.fullmatch(r"--[a-z][a-z-]*", name)}

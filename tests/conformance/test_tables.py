@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from grasp_factory.capture.devices import DEVICES
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.sensors import SENSORS
 from grasp_factory.objects import OBJECT_SETS
@@ -16,6 +17,7 @@ from grasp_factory.writers.exporters import EXPORTERS
 
 TABLES: dict[str, Mapping[str, Any]] = {
     "cameras": CAMERAS,
+    "devices": DEVICES,
     "exporters": EXPORTERS,
     "objects": OBJECT_SETS,
     "policies": POLICIES,

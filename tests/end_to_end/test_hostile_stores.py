@@ -60,16 +60,14 @@ SIMULATING: Mapping[str, tuple[str, ...]] = {
     "replay": ("{store} 0", "{store} 0 --video {out}/v.mp4"),
     "verify": ("{store} --deep 1 --workers 1",),
     "generate": ("--config {config} --n 10 --workers 1 --out {store}",),
+    "capture": ("demo {store} --out {out}/session", "publish {store} 0 --rate max --wait 0.1"),
 }
-"""What may simulate a recipe, and takes longer."""
+"""What may simulate a recipe or play an episode, and takes longer."""
 WITHOUT_STORE = {
     *("preview", "objects", "robots", "policies", "cameras", "sensors", "check-physics"),
-    *(
-        "flywheel",
-        "import",
-    ),  # they make stores; what is imported is in tests/curation/test_restore.py
+    *("flywheel", "import", "calibrate"),
 }
-"""Commands that read no store of others."""
+"""Commands that read no store of others; tests/curation/test_restore.py imports hostile exports."""
 PAGES = (
     *("api/library", "api/episodes", "api/ids", "api/histogram?column=outcome", "api/live"),
     *("api/neighbours/0/{row}", "api/episode/0/{row}", "api/series/0/{row}", "thumb/0/{row}.jpg"),

@@ -55,6 +55,8 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "split": ("tiny.zarr few.zarr --episodes 0,2",),
     "export": ("--list", "tiny.zarr out --to sequences"),
     "import": ("drive.bag --list", "drive.bag out --to sequences", "exported again.zarr"),
+    "capture": ("devices",),
+    "calibrate": ("ft ft.yaml --tare still.csv",),
     "train": ("learn.zarr --epochs 1",),
     "learning-curve": ("learn.zarr --sizes 8 --seeds 1 --epochs 1",),
     "browse": (),  # below
@@ -132,6 +134,8 @@ def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plain = {"seed": 92, "resolution": [64, 48], "physics": to_plain(PHYSICS_PRESETS["fast"])}
     generate(FactoryConfig.from_plain(plain), 16, folder / "learn.zarr", workers=1)
     bags.ros1(folder / "drive.bag", [("/ft", bags.WRENCH, 0, bags.wrench((0, 0, 1), (0, 0, 0)))])
+    rows = "".join(f"{k},{','.join('123456')}\n" for k in range(120))
+    (folder / "still.csv").write_text(f"timestamp,fx,fy,fz,tx,ty,tz\n{rows}")
     (folder / "meshes").mkdir()
     corners = itertools.product((0.0, 0.04), repeat=3)
     faces = "1 2 4 3|5 7 8 6|1 5 6 2|3 4 8 7|1 3 7 5|2 6 8 4".split("|")

@@ -2,11 +2,11 @@
 
     PYTHONPATH=tests python -m fuzz MODULE FOLDER [--only TARGET] [OPTION...]
 
-MODULE is one of ``stores``, ``objects``, ``page``, ``bags``. The inputs that reach new code are
-kept below FOLDER, and used by the next run. Options are those of libFuzzer, such as ``-runs=1000``
-or ``-max_total_time=60``; they hold for each target. It prints a line for each target. The exit
-code is 1 if an input ended in an exception that is no refusal, took more than 10 s, or more than
-2 GB.
+MODULE is one of ``stores``, ``objects``, ``page``, ``bags``, ``sessions``. The inputs that reach
+new code are kept below FOLDER, and used by the next run. Options are those of libFuzzer, such as
+``-runs=1000`` or ``-max_total_time=60``; they hold for each target. It prints a line for each
+target. The exit code is 1 if an input ended in an exception that is no refusal, took more than
+10 s, or more than 2 GB.
 """
 
 from __future__ import annotations

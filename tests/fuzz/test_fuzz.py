@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fuzz import bags, objects, page, stores
+from fuzz import bags, objects, page, sessions, stores
 from fuzz.target import Target
 from support.places import REPOSITORY, TESTS
 from support.scale import IS_SOAK, scaled
@@ -21,9 +21,10 @@ MODULES = {
     "objects": objects.TARGETS,
     "page": page.TARGETS,
     "bags": bags.TARGETS,
+    "sessions": sessions.TARGETS,
 }
 TARGETS = {name: target for targets in MODULES.values() for name, target in targets.items()}
-RUNS = {"stores": 15, "objects": 300, "page": 150, "bags": 5}
+RUNS = {"stores": 15, "objects": 300, "page": 150, "bags": 5, "sessions": 50}
 """Inputs for each target in a normal run; the soak takes a hundred times as many."""
 
 

@@ -47,5 +47,7 @@ def slots_of(message: Any) -> list[str]:
 
     The classes of rosbags list ``__msgtype__`` and constants, such as ``TEXT_VIEW_FACING``, too.
     """
+    if hasattr(message, "get_fields_and_field_types"):  # rclpy
+        return list(message.get_fields_and_field_types())
     found = getattr(message, "__dataclass_fields__", None) or getattr(message, "__slots__", ())
     return [name for name in found if len(name) == 1 or not (name.isupper() or name[0] == "_")]

@@ -32,9 +32,9 @@ ENVIRONMENTS = HERE.parents[1] / ".peers"
 STORE = ("--n", "6", "--seed", "3", "--resolution", "64x48", "--clutter", "3", "--video-hz", "10")
 
 
-def python_of(peer: str) -> str:
-    """Return the Python that has the peer's software; install it first if it is not there."""
-    listed = HERE / peer / "requirements.txt"
+def python_of(folder: Path) -> str:
+    """Return the Python that has a peer's software; install it first if it is not there."""
+    peer, listed = folder.name, folder / "requirements.txt"
     first = listed.read_text().splitlines()[0]
     if first.startswith("# apt:"):
         packages = first.removeprefix("# apt:").split()
@@ -68,7 +68,7 @@ def source_of(peer: str) -> str:
 def check(peer: str, work: Path) -> str:
     """Generate, export, read and compare; return what was found as a line."""
     compare = importlib.import_module(f"peers.{peer}.compare")
-    python = python_of(peer)
+    python = python_of(HERE / peer)
     more = tuple(getattr(compare, "GENERATE", ()))
     store = work / f"{'_'.join(more) or 'store'}.zarr"
     if not store.exists():

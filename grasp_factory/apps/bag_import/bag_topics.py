@@ -10,16 +10,16 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
-from rosbags.typesys import Stores, get_typestore
 
-from grasp_factory.apps.bag_import.bag_file import raw_messages, reading
-from grasp_factory.apps.bag_import.pixel_decoding import (
+from grasp_factory.apps.bag_import.series_rows import SERIES_KINDS
+from grasp_factory.capture.bags.bag_file import raw_messages, reading
+from grasp_factory.capture.bags.messages import is_standard, message_of
+from grasp_factory.capture.bags.pixel_decoding import (
     DecodedImage,
     decode_compressed_image,
     decode_image,
 )
-from grasp_factory.apps.bag_import.series_rows import SERIES_KINDS
-from grasp_factory.errors import GraspFactoryError, UsageError, lookup
+from grasp_factory.errors import UsageError, lookup
 
 _IMAGES = {
     "sensor_msgs/msg/Image": decode_image,
@@ -99,20 +99,6 @@ def choose_topics(
     return chosen, left_out
 
 
-def message_of(reader: AnyReader, connection: Connection, data: bytes) -> Any:
-    """Return a message.
-
-    Raises:
-        ValueError: if its bytes do not fit its type.
-    """
-    try:
-        return reader.deserialize(data, connection.msgtype)
-    except (MemoryError, GraspFactoryError):
-        raise
-    except Exception as error:
-        raise ValueError(f"the bytes are no {connection.msgtype}: {error}") from None
-
-
 def _topic(bag: Path, reader: AnyReader, name: str, connections: list[Connection]) -> BagTopic:
     """Return a topic; raise ValueError with the reason if it cannot be imported."""
     kinds = {connection.msgtype for connection in connections}
@@ -122,8 +108,8 @@ def _topic(bag: Path, reader: AnyReader, name: str, connections: list[Connection
     if kind not in KINDS:
         raise ValueError(f"{kind} has no place in the layout")
     with reading(bag):
-        is_standard = _is_standard(reader, kind)
-    if not is_standard:
+        is_the_standard = is_standard(reader, kind)
+    if not is_the_standard:
         raise ValueError(f"the bag's definition of {kind} is not that of ROS")
     first = next(raw_messages(bag, reader, connections), None)
     if first is None:
@@ -138,13 +124,3 @@ def _role(kind: str, first: Any) -> TopicRole:
     if kind not in _IMAGES:
         return TopicRole.SERIES
     return TopicRole.DEPTH if _IMAGES[kind](first).is_depth else TopicRole.COLOUR
-
-
-def _is_standard(reader: AnyReader, kind: str) -> bool:
-    """Return whether the bag means by a type of messages what ROS means by it."""
-    if reader.is2:
-        humble = get_typestore(Stores.ROS2_HUMBLE)
-        return reader.typestore.hash_rihs01(kind) == humble.hash_rihs01(kind)
-    _, md5 = reader.typestore.generate_msgdef(kind)
-    _, standard = get_typestore(Stores.ROS1_NOETIC).generate_msgdef(kind)
-    return md5 == standard

@@ -6,16 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rosbags.highlevel import AnyReader
 
 from grasp_factory.apps.bag_import.article_layout import ArticleLayout
-from grasp_factory.apps.bag_import.bag_file import opened, raw_messages
-from grasp_factory.apps.bag_import.bag_topics import BagTopic, choose_topics, message_of
+from grasp_factory.apps.bag_import.bag_topics import BagTopic, choose_topics
 from grasp_factory.apps.bag_import.import_layout import ImportLayout
 from grasp_factory.apps.bag_import.sequence_layout import SequenceLayout
 from grasp_factory.apps.bag_import.topic_listing import TopicFacts, topics_of
+from grasp_factory.capture.bags.bag_file import opened, raw_messages
+from grasp_factory.capture.bags.messages import message_of, stamp_ns_of
 from grasp_factory.core.executors import SendMessage
 from grasp_factory.errors import StoreError, UsageError
 
@@ -119,7 +119,7 @@ def _add_messages(
         entry = found[connection.topic]
         try:
             message = message_of(reader, connection, data)
-            stamp = _stamp_ns(message)
+            stamp = stamp_ns_of(message)
             time = min(arrival, _LATEST_NS) if stamp is None else stamp
             layout.add(by_name[connection.topic], time, message)
             entry.without_stamp += stamp is None
@@ -137,10 +137,3 @@ def _add_messages(
                 f" {entry.reason}; choose others with --topics"
             )
     return tuple(found.values())
-
-
-def _stamp_ns(message: Any) -> int | None:
-    """Return the stamp of a message's header; None if the header has no stamp."""
-    stamp = message.header.stamp
-    found = int(stamp.sec) * 10**9 + int(stamp.nanosec)
-    return found if found > 0 else None

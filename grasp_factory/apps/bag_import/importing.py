@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from grasp_factory.apps.bag_import.bag_file import bag_suffix
 from grasp_factory.apps.bag_import.extraction import (
     LAYOUTS,
     STEPS,
@@ -16,6 +15,7 @@ from grasp_factory.apps.bag_import.extraction import (
     listed,
 )
 from grasp_factory.apps.bag_import.topic_listing import TopicFacts
+from grasp_factory.capture.bags.bag_file import bag_suffix
 from grasp_factory.core.executors.import_process import in_import_process
 from grasp_factory.core.output_folder import check_free, publish
 from grasp_factory.core.place import place_at

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rosbags.highlevel import AnyReader
 
-from grasp_factory.apps.bag_import.bag_file import raw_messages
+from grasp_factory.capture.bags.bag_file import raw_messages
 
 _NS = 1e-9
 

@@ -17,13 +17,17 @@ TYPES = {
 """Content type by suffix of the files that are served; the machine's MIME table is not used."""
 
 
-def routes() -> Blueprint:
-    """Return the addresses of the page's files."""
+def routes(first: str = "index.html") -> Blueprint:
+    """Return the addresses of the page's files.
+
+    Args:
+        first: the file that the server shows first.
+    """
     pages = Blueprint("files", __name__)
 
     @pages.get("/")
     def page() -> Response:
-        return _file("index.html")
+        return _file(first)
 
     @pages.get("/static/<path:name>")
     def static(name: str) -> Response:

@@ -1,18 +1,15 @@
-"""Checks of a run: pure functions of its state, and a book of when alarms began and ended.
-
-Each check returns a finding or None. An alarm that lasts is reported only once.
-"""
+"""Checks of a run: pure functions of its state. Each returns a finding or None."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from grasp_factory.apps.live.facts import Brightness, EpisodeFacts
 from grasp_factory.apps.live.state import MINUTE_S, LiveState
 from grasp_factory.apps.live.windows import median
+from grasp_factory.core.alarm_book import Finding
 from grasp_factory.labels.quality import CRITERIA, Criterion
 
 BLACK, WHITE = 0.03, 0.97
@@ -42,32 +39,6 @@ RESERVE = 200_000_000
 """Bytes that should still be free when all episodes are made."""
 MOST_ROWS = 12
 """Maximum number of rows that an alarm lists."""
-AGAIN_S = 600.0
-"""Minimum seconds between two reports of the same kind of alarm."""
-MOST_PAST = 20
-"""Maximum number of ended alarms that are kept."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """A problem that exists at this moment."""
-
-    kind: str
-    text: str
-    rows: tuple[int, ...] = ()
-    """Rows of the latest episodes that show it, ascending."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Alarm:
-    """A finding over the time that it lasts; times are seconds after the run's start."""
-
-    kind: str
-    since: float
-    text: str
-    rows: tuple[int, ...] = ()
-    until: float | None = None
-    """When its cause ended; None while it lasts."""
 
 
 def empty_streams(state: LiveState, now: float) -> Finding | None:
@@ -177,30 +148,6 @@ ALARM_CHECKS: Sequence[Callable[[LiveState, float], Finding | None]] = (
 def findings(state: LiveState, now: float) -> list[Finding]:
     """Return all findings ``now`` seconds after the start, the most urgent first."""
     return [found for look in ALARM_CHECKS if (found := look(state, now))]
-
-
-class AlarmBook:
-    """Keeps when alarms began and ended, and when they were reported."""
-
-    def __init__(self) -> None:
-        self.lasting: dict[str, Alarm] = {}
-        """Current alarms by kind, in the order of ``ALARM_CHECKS``."""
-        self.past: list[Alarm] = []
-        """The last alarms that ended, oldest first."""
-        self._told: dict[str, float] = {}
-
-    def update(self, found: Iterable[Finding], now: float) -> list[Alarm]:
-        """Update the alarms from the current findings; return those to report to the user."""
-        before, self.lasting = self.lasting, {}
-        for one in found:
-            since = before[one.kind].since if one.kind in before else now
-            self.lasting[one.kind] = Alarm(kind=one.kind, since=since, text=one.text, rows=one.rows)
-        ended = [alarm for kind, alarm in before.items() if kind not in self.lasting]
-        self.past = [*self.past, *(replace(a, until=now) for a in ended)][-MOST_PAST:]
-        new = [alarm for kind, alarm in self.lasting.items() if kind not in before]
-        fresh = [a for a in new if now - self._told.get(a.kind, -AGAIN_S) >= AGAIN_S]
-        self._told.update({alarm.kind: now for alarm in fresh})
-        return fresh
 
 
 def _of_recent(

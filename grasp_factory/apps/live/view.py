@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import secrets
-import signal
 import socket
 import threading
 import time
@@ -19,6 +18,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from grasp_factory.apps.browse import require_server
+from grasp_factory.apps.browse.server_threads import signals_elsewhere
 from grasp_factory.apps.live.watch import FAILED, FINISHED, RUNNING, RunWatch, in_a_line
 from grasp_factory.errors import UsageError
 from grasp_factory.factory.block_job import Made
@@ -86,7 +86,7 @@ class LiveView:
         from grasp_factory.apps.browse.serving import address
 
         url = address(HOST, self._socket.getsockname()[1], self._token)
-        with self._warning_instead("cannot be started"), _signals_elsewhere():
+        with self._warning_instead("cannot be started"), signals_elsewhere():
             watch = RunWatch(plan, self._tell)
             watch.begin()
             self._watch = watch
@@ -166,14 +166,3 @@ class LiveView:
         is_watched = time.monotonic() - self._asked_at <= WATCHED_S
         if is_watched and self._has_last_word.wait(LAST_WORD_S):
             time.sleep(LAST_PICTURES_S)
-
-
-@contextlib.contextmanager
-def _signals_elsewhere() -> Iterator[None]:
-    """Block signals in threads that start in the block: the main thread must receive Ctrl-C."""
-    ours = {signal.SIGINT, signal.SIGTERM, signal.SIGALRM}
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ours)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

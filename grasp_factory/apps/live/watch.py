@@ -13,9 +13,10 @@ from datetime import UTC, datetime, timedelta
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
-from grasp_factory.apps.live.alarms import AlarmBook, findings
+from grasp_factory.apps.live.alarms import findings
 from grasp_factory.apps.live.facts import BlockFacts
 from grasp_factory.apps.live.state import Asked, LiveState
+from grasp_factory.core.alarm_book import AlarmBook
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.factory.block_job import LONGEST_REASON, Made
 

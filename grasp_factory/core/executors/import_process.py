@@ -10,16 +10,20 @@ from grasp_factory.core.executors.limited import LimitedExecutor, ProcessLimits
 from grasp_factory.core.limits import IMPORT_CPU, IMPORT_FILE, IMPORT_MEMORY
 from grasp_factory.errors import StoreError
 
-_LIMITS = ProcessLimits(what="the import", memory=IMPORT_MEMORY, cpu=IMPORT_CPU, file=IMPORT_FILE)
+IMPORT = ProcessLimits(what="the import", memory=IMPORT_MEMORY, cpu=IMPORT_CPU, file=IMPORT_FILE)
 
 
-def reading_executor() -> Executor:
+def reading_executor(limits: ProcessLimits = IMPORT) -> Executor:
     """Return the executor of imports."""
-    return LimitedExecutor(1, _LIMITS)
+    return LimitedExecutor(1, limits)
 
 
 def in_import_process(
-    task: Task[Any, Any], job: Any, source: Path, report: SendMessage = lambda message: None
+    task: Task[Any, Any],
+    job: Any,
+    source: Path,
+    report: SendMessage = lambda message: None,
+    limits: ProcessLimits = IMPORT,
 ) -> Any:
     """Return the result of a task that a process with limits does.
 
@@ -28,6 +32,7 @@ def in_import_process(
         job: its job.
         source: what it reads, for messages.
         report: called with each message of the task.
+        limits: of the process.
 
     Raises:
         StoreError: if the process ends, for example because a decoder fails.
@@ -37,5 +42,5 @@ def in_import_process(
     def lost(_: Any, why: str) -> NoReturn:
         raise StoreError(f"{source}: reading it ended its process ({why})")
 
-    (result,) = reading_executor().run(task, [job], report, lost)
+    (result,) = reading_executor(limits).run(task, [job], report, lost)
     return result

@@ -101,6 +101,18 @@ export async function postAnnotations(episodes, changes, { keepalive = false } =
   }
 }
 
+/** Needs the token; gives what the server answers. */
+export async function postJson(path, body) {
+  const readOnly = whyReadOnly();
+  if (readOnly) throw new ApiError(readOnly, 403);
+  const answer = await ask(path, {
+    method: 'POST',
+    headers: { 'Content-Type': 'application/json', 'X-Token': token },
+    body: JSON.stringify(body),
+  });
+  return answer.json();
+}
+
 async function ask(url, options) {
   let answer;
   try {

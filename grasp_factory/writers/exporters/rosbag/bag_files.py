@@ -75,7 +75,7 @@ def _ros1_definition(kind: str) -> tuple[str, str]:
 
 
 @cache
-def _ros2_definition(kind: str) -> tuple[str, str]:
+def ros2_definition(kind: str) -> tuple[str, str]:
     """Return definition and hash of a type of ROS 2."""
     definition, _ = ros2_types().generate_msgdef(kind, ros_version=2)
     return definition, ros2_types().hash_rihs01(kind)
@@ -123,7 +123,7 @@ def write_ros2_bag(path: Path, storage: str, messages: Iterable[StampedMessage])
         with _Ros2Writer(path, version=_METADATA_VERSION, storage_plugin=plugin) as writer:
             for stamp, topic, message in messages:
                 if topic.name not in connections:
-                    definition, rihs01 = _ros2_definition(topic.kind)
+                    definition, rihs01 = ros2_definition(topic.kind)
                     connections[topic.name] = writer.add_connection(
                         topic.name,
                         topic.kind,

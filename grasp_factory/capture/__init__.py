@@ -1,0 +1,1 @@
+"""Record real sensors, calibrate them, and make stores of what was recorded."""

@@ -1,0 +1,1 @@
+"""Calibration of recorded sensors: noise, bias, axes, wrenches, cameras, hand and eye."""

@@ -1,0 +1,1 @@
+"""Blur faces and licence plates in a session, and say what was found."""

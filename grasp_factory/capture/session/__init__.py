@@ -1,0 +1,1 @@
+"""Record a session: all devices at once into one MCAP file, with alarms while it records."""

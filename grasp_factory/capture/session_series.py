@@ -1,0 +1,178 @@
+"""The time series of a session's devices as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp_factory.capture.ros_messages import IMU, JOINT_STATE, TEMPERATURE, WRENCH, decoded
+from grasp_factory.capture.samples import DeviceKind
+from grasp_factory.capture.session_reader import SessionMessage, SessionTopic, opened_session
+from grasp_factory.core.executors import SendMessage
+from grasp_factory.core.executors.import_process import in_import_process
+from grasp_factory.core.executors.limited import ProcessLimits
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.limits import SESSION_CPU, SESSION_FILE, SESSION_MEMORY
+from grasp_factory.errors import CaptureError, shown
+from grasp_factory.signals.timeline import Ticks
+
+SESSION_LIMITS = ProcessLimits(
+    what="reading the session", memory=SESSION_MEMORY, cpu=SESSION_CPU, file=SESSION_FILE
+)
+"""Of a process that reads a session."""
+
+_WRAP = 2**32
+_LATEST_NS = 2**63 - 1
+"""Ticks in MCAP files may be later; they become this one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceSeries:
+    """All messages of one topic, in the order in which they were recorded."""
+
+    topic: str
+    message_type: str
+    device: str
+    kind: DeviceKind | None
+    log_time_ns: Ticks
+    """(N,) time of the host, ns since the epoch."""
+    device_ns: Ticks | None
+    """(N,) time of the device, ns from an instant that only it knows; None without a clock."""
+    sequence: Ticks | None
+    """(N,) the device's count, unwrapped; None if it does not count."""
+    values: Mapping[str, Array]
+    """By name, (N, ...) in SI units; nothing for images and texts."""
+
+    def __len__(self) -> int:
+        return len(self.log_time_ns)
+
+
+@dataclass(slots=True)
+class SeriesBuilder:
+    """Collects the messages of one topic."""
+
+    topic: SessionTopic
+    log_times: list[int]
+    device_times: list[int]
+    sequences: list[int]
+    rows: list[tuple[list[float], ...]]
+
+    def __init__(self, topic: SessionTopic) -> None:
+        self.topic = topic
+        self.log_times, self.device_times, self.sequences, self.rows = [], [], [], []
+
+    def add(self, message: SessionMessage) -> None:
+        """Append a message.
+
+        Raises:
+            CaptureError: if it cannot be decoded.
+        """
+        self.log_times.append(min(message.log_time_ns, _LATEST_NS))
+        self.device_times.append(min(message.publish_time_ns, _LATEST_NS))
+        self.sequences.append(message.sequence)
+        reader = _READERS.get(message.topic.message_type)
+        if reader:
+            self.rows.append(reader[1](decoded(message)))
+
+    def series(self) -> DeviceSeries:
+        """Return the arrays.
+
+        Raises:
+            CaptureError: if messages have different numbers of values.
+        """
+        topic = self.topic
+        sequence = np.array(self.sequences, np.int64)
+        return DeviceSeries(
+            topic=topic.name,
+            message_type=topic.message_type,
+            device=topic.device,
+            kind=topic.kind,
+            log_time_ns=np.array(self.log_times, np.int64),
+            device_ns=np.array(self.device_times, np.int64) if topic.has_device_time else None,
+            sequence=unwrapped(sequence) if topic.has_device_sequence else None,
+            values=self._values(),
+        )
+
+    def _values(self) -> dict[str, Array]:
+        names = _READERS[self.topic.message_type][0] if self.rows else ()
+        try:
+            return {
+                name: np.array([row[k] for row in self.rows], np.float64)
+                for k, name in enumerate(names)
+            }
+        except ValueError:
+            raise CaptureError(
+                f"messages of {shown(self.topic.name)} have different numbers of values"
+            ) from None
+
+
+def read_series(session: Path) -> dict[str, DeviceSeries]:
+    """Return the series of all topics by name; a process with limits reads the session.
+
+    Images and texts have times, but no values. The arrays are in memory.
+
+    Raises:
+        CaptureError: if it is no session, or damaged.
+        StoreError: if it needs too much memory or time.
+    """
+    found: dict[str, DeviceSeries] = in_import_process(
+        _series_of, session, session, limits=SESSION_LIMITS
+    )
+    return found
+
+
+def _series_of(session: Path, report: SendMessage) -> dict[str, DeviceSeries]:
+    builders: dict[str, SeriesBuilder] = {}
+    with opened_session(session) as reader:
+        for message in reader.messages():
+            name = message.topic.name
+            builders.setdefault(name, SeriesBuilder(message.topic)).add(message)
+    return {name: builders[name].series() for name in sorted(builders)}
+
+
+def unwrapped(sequence: Ticks) -> Ticks:
+    """Return a count modulo 2**32 as a count that goes on.
+
+    A step of more than half of the range is one back.
+
+    Args:
+        sequence: (N,) 0 to 2**32 - 1.
+    """
+    if not len(sequence):
+        return sequence
+    steps = np.diff(sequence) % _WRAP
+    steps = np.where(steps >= _WRAP // 2, steps - _WRAP, steps)
+    return np.concatenate([sequence[:1], sequence[0] + np.cumsum(steps)])
+
+
+def _xyz(vector: Any) -> list[float]:
+    return [vector.x, vector.y, vector.z]
+
+
+def _imu(message: Any) -> tuple[list[float], ...]:
+    return _xyz(message.linear_acceleration), _xyz(message.angular_velocity)
+
+
+def _wrench(message: Any) -> tuple[list[float], ...]:
+    return ([*_xyz(message.wrench.force), *_xyz(message.wrench.torque)],)
+
+
+def _joints(message: Any) -> tuple[list[float], ...]:
+    return message.position, message.velocity, message.effort
+
+
+def _temperature(message: Any) -> tuple[list[float], ...]:
+    return ([message.temperature],)
+
+
+_READERS: Mapping[str, tuple[tuple[str, ...], Callable[[Any], tuple[list[float], ...]]]] = {
+    IMU: (("specific_force", "angular_velocity"), _imu),
+    WRENCH: (("wrench",), _wrench),
+    JOINT_STATE: (("positions", "velocities", "efforts"), _joints),
+    TEMPERATURE: (("temperature",), _temperature),
+}
+"""By type of messages: the names of its arrays, and a function to their rows."""

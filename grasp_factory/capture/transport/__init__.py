@@ -1,0 +1,1 @@
+"""How bytes come from devices: serial lines, UDP, packets with checksums, counts that wrap."""

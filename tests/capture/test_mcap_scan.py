@@ -1,0 +1,180 @@
+"""Reading of session files that are cut off, damaged or hostile."""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
+from support.scale import scaled
+
+from grasp_factory.capture.session.mcap_scan import MAGIC, McapScan
+from grasp_factory.capture.session.recovery import recover
+from grasp_factory.capture.session.session_reading import missing, read_event, read_session
+from grasp_factory.errors import CaptureError, GraspFactoryError
+
+N = 40
+
+
+def written(compression: CompressionType = CompressionType.NONE, size: int = 100) -> bytes:
+    """Return a small file: ``N`` messages in several chunks, metadata and an attachment."""
+    out = io.BytesIO()
+    writer = Writer(out, chunk_size=500, compression=compression)
+    writer.start(profile="ros2", library="test")
+    writer.add_metadata("grasp_factory.session", {"start_ns": "5", "offset_ns": "3"})
+    writer.add_attachment(1, 1, "calibration/a.yaml", "text/yaml", b"a: 1")
+    schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+    about = {"device": "a", "kind": "imu", "driver": "d", "device_sequence": "1"}
+    channel = writer.register_channel("/a/imu", "cdr", schema, about)
+    for k in range(N):
+        writer.add_message(channel, 10**9 + k * 10**7, bytes([k]) * size, k, k)
+    writer.finish()
+    return out.getvalue()
+
+
+WHOLE = written()
+
+
+def scanned(content: bytes, folder: Path, *, checked: bool = True) -> tuple[McapScan, list[bytes]]:
+    file = folder / "session.mcap"
+    file.write_bytes(content)
+    descriptor = os.open(file, os.O_RDONLY)
+    try:
+        scan = McapScan(descriptor, with_checksums=checked)
+        return scan, [head.data() for head in scan.messages()]
+    finally:
+        os.close(descriptor)
+
+
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.ZSTD])
+def test_a_whole_file_is_read_whole(compression: CompressionType, tmp_path: Path) -> None:
+    scan, data = scanned(written(compression), tmp_path)
+    assert data == [bytes([k]) * 100 for k in range(N)]
+    assert (scan.is_complete, scan.trouble, scan.end) == (True, "", scan.size)
+    assert scan.metadata["grasp_factory.session"]["start_ns"] == "5"
+    assert [file.data for file in scan.attachments] == [b"a: 1"]
+
+
+@settings(max_examples=scaled(60, 600))
+@given(st.integers(len(MAGIC), len(WHOLE) - 1))
+def test_a_file_that_is_cut_off_anywhere_gives_its_first_messages(
+    tmp_path_factory: pytest.TempPathFactory, length: int
+) -> None:
+    folder = tmp_path_factory.mktemp("cut")
+    scan, data = scanned(WHOLE[:length], folder)
+    assert data == [bytes([k]) * 100 for k in range(len(data))]
+    assert not scan.is_complete
+    assert scan.end <= length
+    assert scan.trouble
+    found = recover(folder)
+    assert found.messages == len(data)
+    assert found.lost_bytes == length - scan.end
+    again, copied = scanned((folder / "session.recovered.mcap").read_bytes(), folder)
+    assert again.is_complete
+    assert copied == data
+
+
+@settings(max_examples=scaled(150, 3000))
+@given(st.lists(st.tuples(st.integers(8, len(WHOLE) - 1), st.integers(1, 255)), max_size=4))
+def test_a_file_with_any_bytes_changed_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[int, int]]
+) -> None:
+    content = bytearray(WHOLE)
+    for place, flip in changes:
+        content[place] ^= flip
+    folder = tmp_path_factory.mktemp("changed")
+    for checked in (False, True):
+        scanned(bytes(content), folder, checked=checked)
+    for read in (read_session, recover):
+        try:
+            read(folder)
+        except GraspFactoryError:
+            pass
+
+
+def record(opcode: int, content: bytes, size: int | None = None) -> bytes:
+    return struct.pack("<BQ", opcode, len(content) if size is None else size) + content
+
+
+def chunk(data: bytes, *, size: int | None = None, compression: bytes = b"") -> bytes:
+    raw = len(data) if size is None else size
+    head = struct.pack("<QQQII", 0, 0, raw, 0, len(compression)) + compression
+    return record(6, head + struct.pack("<Q", len(data)) + data)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        record(3, b"x" * 20, 2**63),
+        record(3, struct.pack("<HI", 1, 2**32 - 1) + b"x"),
+        record(6, b"short"),
+        chunk(b"", size=2**62, compression=b"zstd"),
+        chunk(b"\x28\xb5\x2f\xfd" + b"\xff" * 20, size=2**20, compression=b"zstd"),
+        chunk(b"abc", compression=b"lz4"),
+        chunk(record(5, struct.pack("<HIQQ", 7, 0, 0, 0))),
+        chunk(record(5, b"short")),
+        chunk(record(4, struct.pack("<HHI", 1, 99, 0))),
+        chunk(b"\x05" + b"\xff" * 8),
+    ],
+)
+def test_a_hostile_record_ends_the_reading(content: bytes, tmp_path: Path) -> None:
+    scan, data = scanned(MAGIC + record(1, struct.pack("<II", 0, 0)) + content, tmp_path)
+    assert data == []
+    assert scan.trouble
+    assert not scan.is_complete
+
+
+def test_what_is_no_session_is_refused_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(CaptureError, match=r"is no session: it has no session\.mcap"):
+        read_session(tmp_path)
+    (tmp_path / "session.mcap").write_bytes(b"hello, this is text")
+    with pytest.raises(CaptureError, match="this is no MCAP file"):
+        recover(tmp_path)
+    with pytest.raises(CaptureError, match="is no session: No such file"):
+        read_session(tmp_path / "nothing")
+
+
+def test_links_in_a_session_are_not_followed(tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_bytes(WHOLE)
+    folder = tmp_path / "s"
+    folder.mkdir()
+    (folder / "session.mcap").symlink_to(secret)
+    for read in (read_session, recover):
+        with pytest.raises(GraspFactoryError, match="is a link"):
+            read(folder)
+
+
+def test_recovery_writes_through_no_link(tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    folder = tmp_path / "s"
+    folder.mkdir()
+    (folder / "session.mcap").write_bytes(WHOLE[:-40])
+    (folder / "session.recovered.mcap.partial").symlink_to(mine)
+    (folder / "session.json").symlink_to(mine)
+    with pytest.raises(GraspFactoryError, match="is a link"):
+        recover(folder)
+    assert mine.read_text() == "mine"
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 10_000))
+def test_missing_numbers_are_counted_across_the_wrap(start: int, step: int) -> None:
+    assert missing(start, (start + step) % 2**32) == step - 1
+
+
+def test_a_count_that_begins_again_is_no_loss() -> None:
+    assert missing(None, 7) == 0
+    assert missing(10_000, 0) == 0
+    assert missing(5, 5) == 0
+
+
+@given(st.binary(max_size=60))
+def test_any_bytes_are_an_event_or_an_error(data: bytes) -> None:
+    with pytest.raises(CaptureError, match="is damaged"):
+        read_event(data)

@@ -1,0 +1,1 @@
+"""Real rclpy as a peer of our topics: see ``run.py``."""
