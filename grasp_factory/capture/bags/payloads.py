@@ -1,75 +1,77 @@
-"""Messages of ROS as payloads of devices."""
+"""Messages of ROS as payloads of devices: the reverse of how sessions write them.
+
+Definitions: https://github.com/ros2/common_interfaces. A function raises ValueError for a message
+that does not fit.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.capture.bags.pixel_decoding import (
-    DecodedImage,
-    decode_compressed_image,
-    decode_image,
-)
+from grasp_factory.capture.bags.pixel_decoding import DecodedImage
 from grasp_factory.capture.samples import (
-    CameraFrame,
-    DeviceKind,
     InertialReading,
     JointReading,
-    Payload,
     TactileReading,
     Vector,
     WrenchReading,
 )
 
 GRIPPER = "gripper"
-"""Name of the joint whose position is the gripper's width, m."""
-_IMAGES: Mapping[str, Callable[[Any], DecodedImage]] = {
-    "sensor_msgs/msg/Image": decode_image,
-    "sensor_msgs/msg/CompressedImage": decode_compressed_image,
-}
+"""Name of the joint whose position is the gripper's width, m, and whose effort is its force, N."""
+_MOST_JOINTS = 100
 
 
-def colour_of(kind: str, message: Any) -> CameraFrame:
-    """Return a colour image of a message of a type.
+def imu_reading(message: Any) -> InertialReading:
+    """Return the reading of a sensor_msgs/Imu."""
+    force, rate = message.linear_acceleration, message.angular_velocity
+    return InertialReading(specific_force=_xyz(force), angular_velocity=_xyz(rate))
+
+
+def wrench_reading(message: Any) -> WrenchReading:
+    """Return the reading of a geometry_msgs/WrenchStamped."""
+    wrench = message.wrench
+    return WrenchReading(wrench=np.concatenate([_xyz(wrench.force), _xyz(wrench.torque)]))
+
+
+def joint_reading(state: Any, command: Any | None, gripper: str) -> JointReading:
+    """Return the reading of a sensor_msgs/JointState and the latest command.
+
+    Args:
+        state: measured positions, velocities and efforts; what is left out of it is NaN.
+        command: commanded positions, joints by name; None without one.
+        gripper: the joint whose position is the gripper's width, m, and whose effort its force, N.
 
     Raises:
-        ValueError: if it is no such image. All functions here raise it for what does not fit.
+        ValueError: if the lengths of its arrays do not fit its names.
     """
-    image = _IMAGES[kind](message)
-    if image.is_depth or image.values.dtype != np.uint8:
-        raise ValueError("a depth image, or one of 16 bits, where a colour image should be")
-    values = image.values
-    return CameraFrame(rgb=np.stack([values] * 3, axis=-1) if values.ndim == 2 else values)
-
-
-def depth_of(kind: str, message: Any) -> NDArray[np.uint16]:
-    """Return a depth image, mm."""
-    image = _IMAGES[kind](message)
-    if not image.is_depth:
-        raise ValueError("a colour image where a depth image should be")
-    return image.values
-
-
-def imu_of(kind: str, message: Any) -> InertialReading:
-    """Return a reading of an IMU."""
-    return InertialReading(
-        specific_force=_xyz(message.linear_acceleration),
-        angular_velocity=_xyz(message.angular_velocity),
+    names = list(state.name)
+    if len(names) > _MOST_JOINTS or len(set(names)) < len(names):
+        raise ValueError(f"{len(names)} joints, valid: up to {_MOST_JOINTS}, each once")
+    columns = [_column(values, len(names)) for values in (state.position, state.velocity)]
+    effort = _column(state.effort, len(names))
+    targets = _targets(names, command)
+    arm = np.array([name != gripper for name in names], bool)
+    width, width_target, force = (
+        float(values[~arm][0]) if not arm.all() else float("nan")
+        for values in (columns[0], targets, effort)
+    )
+    return JointReading(
+        positions=columns[0][arm],
+        velocities=columns[1][arm],
+        torques=effort[arm],
+        position_targets=targets[arm],
+        gripper_width=width,
+        gripper_width_target=width_target,
+        gripper_force=force,
     )
 
 
-def wrench_of(kind: str, message: Any) -> WrenchReading:
-    """Return a wrench."""
-    force, torque = _xyz(message.wrench.force), _xyz(message.wrench.torque)
-    return WrenchReading(wrench=np.concatenate([force, torque]))
-
-
-def taxels_of(kind: str, message: Any) -> TactileReading:
-    """Return the values of taxels."""
+def taxel_reading(message: Any) -> TactileReading:
+    """Return the reading of a sensor_msgs/Image of 32FC1."""
     if message.encoding != "32FC1":
         raise ValueError("taxels are images of 32FC1")
     height, width, step = int(message.height), int(message.width), int(message.step)
@@ -81,41 +83,35 @@ def taxels_of(kind: str, message: Any) -> TactileReading:
     return TactileReading(pressure=values.astype(np.float64))
 
 
-def joints_of(kind: str, message: Any) -> JointReading:
-    """Return the state of joints; what the message does not have is NaN."""
-    names = list(message.name)
-    columns = [_column(message, name, len(names)) for name in ("position", "velocity", "effort")]
-    is_arm = np.array([name != GRIPPER for name in names], bool)
-    position, velocity, effort = (column[is_arm] for column in columns)
-    grip = names.index(GRIPPER) if GRIPPER in names else None
-    return JointReading(
-        positions=position,
-        velocities=velocity,
-        torques=effort,
-        position_targets=np.full(len(position), math.nan),
-        gripper_width=math.nan if grip is None else float(columns[0][grip]),
-        gripper_force=math.nan if grip is None else float(columns[2][grip]),
-    )
+def colour_pixels(image: DecodedImage) -> NDArray[np.uint8]:
+    """Return the pixels (H, W, 3) of a colour or grey image."""
+    if image.is_depth or image.values.dtype != np.uint8:
+        raise ValueError("a depth image, or one of 16 bits, where a colour image should be")
+    values = image.values if image.values.ndim == 3 else np.dstack([image.values] * 3)
+    return np.ascontiguousarray(values)
 
 
-def _column(message: Any, name: str, count: int) -> Vector:
-    values = np.asarray(getattr(message, name), np.float64)
-    if not len(values):
-        return np.full(count, math.nan)
-    if len(values) != count:
-        raise ValueError(f"{count} joints with {len(values)} values of {name}")
-    return values
+def depth_pixels(image: DecodedImage) -> NDArray[np.uint16]:
+    """Return the depth (H, W), mm, of a depth image."""
+    if not image.is_depth:
+        raise ValueError("a colour image where a depth image should be")
+    return np.ascontiguousarray(image.values)
 
 
 def _xyz(vector: Any) -> Vector:
     return np.array([vector.x, vector.y, vector.z], np.float64)
 
 
-PAYLOADS: Mapping[DeviceKind, tuple[tuple[str, ...], Callable[[str, Any], Payload]]] = {
-    DeviceKind.CAMERA: (tuple(_IMAGES), colour_of),
-    DeviceKind.IMU: (("sensor_msgs/msg/Imu",), imu_of),
-    DeviceKind.FORCE_TORQUE: (("geometry_msgs/msg/WrenchStamped",), wrench_of),
-    DeviceKind.TACTILE: (("sensor_msgs/msg/Image",), taxels_of),
-    DeviceKind.JOINTS: (("sensor_msgs/msg/JointState",), joints_of),
-}
-"""By kind of device: types of messages, and the function that makes a payload."""
+def _column(values: Any, length: int) -> Vector:
+    """Return an array of a JointState; one that is left out is NaN."""
+    if len(values) not in (0, length):
+        raise ValueError(f"{len(values)} values for {length} joints")
+    return np.array(values, np.float64) if len(values) else np.full(length, np.nan)
+
+
+def _targets(names: list[str], command: Any | None) -> Vector:
+    if command is None:
+        return np.full(len(names), np.nan)
+    positions = _column(command.position, len(command.name))
+    by_name = dict(zip(command.name, positions.tolist(), strict=True))
+    return np.array([by_name.get(name, np.nan) for name in names])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,20 @@ from rosbags.interfaces import Connection
 
 from grasp_factory.capture.bags.bag_file import opened, raw_messages
 from grasp_factory.capture.bags.messages import is_standard, message_of, stamp_ns_of
-from grasp_factory.capture.bags.payloads import PAYLOADS, depth_of
+from grasp_factory.capture.bags.payloads import (
+    GRIPPER,
+    colour_pixels,
+    depth_pixels,
+    imu_reading,
+    joint_reading,
+    taxel_reading,
+    wrench_reading,
+)
+from grasp_factory.capture.bags.pixel_decoding import (
+    DecodedImage,
+    decode_compressed_image,
+    decode_image,
+)
 from grasp_factory.capture.samples import CameraFrame, DeviceKind, Payload
 from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.scratch_folder import scratch_folder
@@ -22,6 +35,20 @@ from grasp_factory.errors import CaptureError, lookup
 _MOST_WAITING = 8
 """Images that wait for their depth."""
 _LATEST_NS = 2**63 - 1
+_IMAGES: Mapping[str, Callable[[Any], DecodedImage]] = {
+    "sensor_msgs/msg/Image": decode_image,
+    "sensor_msgs/msg/CompressedImage": decode_compressed_image,
+}
+_READINGS: Mapping[DeviceKind, tuple[str, Callable[[Any], Payload]]] = {
+    DeviceKind.IMU: ("sensor_msgs/msg/Imu", imu_reading),
+    DeviceKind.FORCE_TORQUE: ("geometry_msgs/msg/WrenchStamped", wrench_reading),
+    DeviceKind.TACTILE: ("sensor_msgs/msg/Image", taxel_reading),
+    DeviceKind.JOINTS: (
+        "sensor_msgs/msg/JointState",
+        lambda message: joint_reading(message, None, GRIPPER),
+    ),
+}
+"""By kind of device: the type of its messages, and the function that makes a payload."""
 Stamped = tuple[int, Payload | None]
 """Time (ns) and payload; None for a message that cannot be decoded."""
 
@@ -64,7 +91,8 @@ def _connections(job: TopicJob, reader: AnyReader) -> list[Connection]:
     by_topic: dict[str, list[Connection]] = {}
     for connection in reader.connections:
         by_topic.setdefault(connection.topic, []).append(connection)
-    kinds, _ = PAYLOADS[job.kind]
+    is_camera = job.kind is DeviceKind.CAMERA
+    kinds = tuple(_IMAGES) if is_camera else (_READINGS[job.kind][0],)
     chosen = []
     for topic in filter(None, (job.topic, job.depth_topic)):
         for connection in lookup(by_topic, "topic", topic):
@@ -92,9 +120,14 @@ class _TopicReader:
             stamp = stamp_ns_of(message)
             time_ns = min(arrival, _LATEST_NS) if stamp is None else stamp
             if job.depth_topic and connection.topic == job.depth_topic:
-                yield from self.pairs.add_depth(time_ns, depth_of(kind, message))
+                depth = depth_pixels(_IMAGES[kind](message))
+                yield from self.pairs.add_depth(time_ns, depth)
                 return
-            payload = PAYLOADS[job.kind][1](kind, message)
+            payload: Payload
+            if job.kind is DeviceKind.CAMERA:
+                payload = CameraFrame(rgb=colour_pixels(_IMAGES[kind](message)))
+            else:
+                payload = _READINGS[job.kind][1](message)
         except ValueError:
             yield 0, None
             return

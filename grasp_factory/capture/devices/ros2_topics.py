@@ -13,6 +13,14 @@ from dataclasses import replace
 from threading import Event
 from typing import Any, Generic, TypeVar
 
+from grasp_factory.capture.bags.payloads import (
+    colour_pixels,
+    depth_pixels,
+    imu_reading,
+    joint_reading,
+    wrench_reading,
+)
+from grasp_factory.capture.bags.pixel_decoding import decode_image
 from grasp_factory.capture.devices.base import DeviceCounters
 from grasp_factory.capture.devices.ros2 import (
     Ros2CameraSettings,
@@ -21,15 +29,8 @@ from grasp_factory.capture.devices.ros2 import (
 )
 from grasp_factory.capture.ros2.discovery import PublishedTopic, TopicWatch
 from grasp_factory.capture.ros2.message_stamp import stamp_of
+from grasp_factory.capture.ros2.message_types import decoded
 from grasp_factory.capture.ros2.network import Participant, Ros2Network
-from grasp_factory.capture.ros2.payloads import (
-    colour_pixels,
-    decoded,
-    depth_pixels,
-    imu_reading,
-    joint_reading,
-    wrench_reading,
-)
 from grasp_factory.capture.ros2.stamp_pairs import StampPairs
 from grasp_factory.capture.ros2.subscriber import Inbox, ReceivedMessage, TopicSubscriber
 from grasp_factory.capture.samples import (
@@ -171,12 +172,12 @@ class Ros2Camera(Ros2Device[Ros2CameraSettings, CameraFrame]):
         found = decoded(message.kind, message.data)
         stamp = stamp_of(message.kind, message.data) or 0
         if message.topic == self._settings.topic:
-            sample = _sample(message, CameraFrame(rgb=colour_pixels(found)))
+            sample = _sample(message, CameraFrame(rgb=colour_pixels(decode_image(found))))
             if not self._settings.depth_topic:
                 return [sample]
             pairs = self._pairs.add_left(stamp, sample)
         else:
-            pairs = self._pairs.add_right(stamp, depth_pixels(found))
+            pairs = self._pairs.add_right(stamp, depth_pixels(decode_image(found)))
         self.counters.lost = self._pairs.single
         return [_with_depth(*pair) for pair in pairs]
 

@@ -15,7 +15,7 @@ from cyclonedds.idl import types as idl
 from rosbags.interfaces import Nodetype
 
 from grasp_factory.capture.ros2.dds_names import dds_type
-from grasp_factory.errors import UsageError, lookup
+from grasp_factory.errors import GraspFactoryError, UsageError, lookup
 from grasp_factory.writers.exporters.rosbag.bag_files import ros2_types
 
 _NUMBERS = ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
@@ -116,3 +116,17 @@ def _unknown(kind: str) -> UsageError:
         text, _, _ = str(error).partition(" (valid")
         return UsageError(f"{text}, valid: the types of ROS 2 Humble")
     raise AssertionError(kind)
+
+
+def decoded(kind: str, data: bytes) -> Any:
+    """Return a message.
+
+    Raises:
+        ValueError: if its bytes do not fit its type.
+    """
+    try:
+        return ros2_types().deserialize_cdr(data, kind)
+    except (MemoryError, GraspFactoryError):
+        raise
+    except Exception as error:
+        raise ValueError(f"the bytes are no {kind}: {error}") from None

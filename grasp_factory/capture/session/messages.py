@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from grasp_factory.capture.bags.payloads import GRIPPER
 from grasp_factory.capture.samples import (
     CameraFrame,
     InertialReading,
@@ -22,8 +23,6 @@ from grasp_factory.capture.session.topic_names import MESSAGES
 from grasp_factory.writers.exporters.rosbag.bag_files import ros2_types
 from grasp_factory.writers.exporters.rosbag.message_maker import MessageMaker
 
-GRIPPER = "gripper"
-"""The name of the last joint, whose position is the width in m and whose effort is a force."""
 _NO_ORIENTATION = np.array([-1.0, *[0.0] * 8])
 """``orientation_covariance`` of an IMU that measures no orientation: its first element is -1."""
 MessageFields = dict[str, Any]

@@ -9,14 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.capture.ros2.payloads import (
+from grasp_factory.capture.bags.payloads import (
     colour_pixels,
-    decoded,
     depth_pixels,
     imu_reading,
     joint_reading,
     wrench_reading,
 )
+from grasp_factory.capture.bags.pixel_decoding import decode_image
+from grasp_factory.capture.ros2.message_types import decoded
 from grasp_factory.capture.ros2.stamp_pairs import StampPairs
 from grasp_factory.writers.exporters.rosbag.bag_files import ros2_types
 from grasp_factory.writers.exporters.rosbag.message_maker import MessageMaker
@@ -95,7 +96,8 @@ def test_images_of_colours_are_rgb(encoding: str, height: int, width: int) -> No
     channels = 1 if encoding == "mono8" else 3
     pixels = np.arange(height * width * channels, dtype=np.uint8)
     sizes = {"height": height, "width": width, "step": width * channels}
-    found = colour_pixels(there_and_back(IMAGE, encoding=encoding, data=pixels, **sizes))
+    image = there_and_back(IMAGE, encoding=encoding, data=pixels, **sizes)
+    found = colour_pixels(decode_image(image))
     wanted = pixels.reshape(height, width, channels)
     wanted = wanted[..., ::-1] if encoding == "bgr8" else wanted
     np.testing.assert_array_equal(found, np.broadcast_to(wanted, (height, width, 3)))
@@ -104,13 +106,13 @@ def test_images_of_colours_are_rgb(encoding: str, height: int, width: int) -> No
 def test_depth_in_metres_becomes_millimetres_and_a_colour_image_is_no_depth() -> None:
     sizes = {"height": 1, "width": 2}
     metres = np.array([0.5, 1.25], np.float32).view(np.uint8)
-    depth = there_and_back(IMAGE, encoding="32FC1", data=metres, step=8, **sizes)
+    depth = decode_image(there_and_back(IMAGE, encoding="32FC1", data=metres, step=8, **sizes))
     assert depth_pixels(depth).tolist() == [[500, 1250]]
-    with pytest.raises(ValueError, match="valid: one of colours"):
+    with pytest.raises(ValueError, match="a depth image"):
         colour_pixels(depth)
     grey = there_and_back(IMAGE, encoding="mono8", data=np.ones(2, np.uint8), step=2, **sizes)
-    with pytest.raises(ValueError, match="valid: 16UC1 or 32FC1"):
-        depth_pixels(grey)
+    with pytest.raises(ValueError, match="a colour image"):
+        depth_pixels(decode_image(grey))
 
 
 @given(st.binary(max_size=80), st.sampled_from([IMU, WRENCH, JOINTS, IMAGE]))
