@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from grasp_factory.core.config.yaml_loader import parse_yaml
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.splits import SPLITS
 from grasp_factory.core.text_format import count, size_text
-from grasp_factory.errors import UsageError, lookup, shown
+from grasp_factory.errors import UsageError, shown
 
 if TYPE_CHECKING:
     from grasp_factory.writers.exporters import ExportContents, Exporter
@@ -77,16 +77,16 @@ def export(
     choose, or all episodes, to the folder OUT. OUT must not exist; it appears when it is complete.
     Beside the data, grasp_factory.json says which rows it has and what is left out.
     """
-    from grasp_factory.writers.exporters import EXPORTERS
+    from grasp_factory.writers.exporters import EXPORTERS, NOT_OFFERED, exporter_named
 
     if as_list:
-        _print_formats(EXPORTERS.values(), as_json=as_json)
+        _print_formats(EXPORTERS.values(), NOT_OFFERED, as_json=as_json)
         return
     if len(paths) < 2 or name is None:
         raise UsageError(
             "export needs STORE, OUT and --to; `grasp-factory export --list` lists the formats"
         )
-    exporter = lookup(EXPORTERS, "format", name)
+    exporter = exporter_named(name)
     from grasp_factory.cli.bars import counted
     from grasp_factory.dataset.dataset import Dataset
     from grasp_factory.writers.exporters.exporting import run_export
@@ -114,11 +114,14 @@ def _settings(assignments: tuple[str, ...]) -> dict[str, Any]:
     return found
 
 
-def _print_formats(exporters: Iterable[Exporter], *, as_json: bool) -> None:
+def _print_formats(
+    exporters: Iterable[Exporter], not_offered: Mapping[str, str], *, as_json: bool
+) -> None:
     if as_json:
         print_json({row.name: _facts(row) for row in exporters})
         return
-    say("\n\n".join(_format_text(row) for row in exporters))
+    lines = [f"{name} is not offered: {why}" for name, why in not_offered.items()]
+    say("\n\n".join([*map(_format_text, exporters), *lines]))
 
 
 def _facts(exporter: Exporter) -> dict[str, Any]:

@@ -16,10 +16,10 @@ from grasp_factory.core.text_format import count
 from grasp_factory.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from grasp_factory.apps.bag_import.extraction import BagImport
-    from grasp_factory.apps.bag_import.topic_listing import TopicFacts
+    from grasp_factory.apps.bag_import.topic_listing import BagFacts
 
 
 @click.command(
@@ -46,7 +46,9 @@ if TYPE_CHECKING:
     multiple=True,
     help="Import these topics only. Repeatable.",
 )
-@option("--list", "as_list", is_flag=True, help="List the topics with rate and longest gap.")
+@option(
+    "--list", "as_list", is_flag=True, help="List topics with rate and longest gap, or an export."
+)
 @AS_JSON
 def import_(
     source: Path,
@@ -67,18 +69,33 @@ def import_(
     """
     from grasp_factory.writers.exporters.export_record import RECORD
 
-    if out and layout is None and (source / RECORD).exists():
-        _restore(source, out, as_json=as_json)
+    if (source / RECORD).exists():
+        if layout is not None or topics:
+            raise UsageError(f"{source} is an export, and --to and --topics are for bags")
+        if as_list:
+            _print_export(source, as_json=as_json)
+        elif out is None:
+            raise UsageError(
+                f"{source} is an export: name OUT, the path of the new store; --list says what it"
+                " has"
+            )
+        else:
+            _restore(source, out, as_json=as_json)
         return
+    if not source.exists():
+        raise UsageError(f"{source} does not exist; valid: a bag of ROS 1 or ROS 2, or an export")
     require("rosbags", extra="ros")
     from grasp_factory.apps.bag_import.importing import import_bag, list_topics
+    from grasp_factory.capture.bags.bag_file import bag_suffix
 
     if as_list:
-        _print_topics(list_topics(source), as_json=as_json)
+        _print_bag(list_topics(source), as_json=as_json)
         return
     if out is None or layout is None:
+        bag_suffix(source)
         raise UsageError(
-            "import needs SOURCE and OUT, and --to for a bag; `import BAG --list` lists the topics"
+            f"{source} is a bag: name OUT, and --to sequences or --to article; --list lists the"
+            " topics"
         )
     from grasp_factory.cli.bars import counted
 
@@ -104,22 +121,47 @@ def _restore(export: Path, out: Path, *, as_json: bool) -> None:
         f"{out}: {count(found.episodes, 'episode')} from {found.format},"
         f" {found.same} of them the same in every value as in the store that was exported"
     ]
+    if found.labels:
+        lines.append(f"added labels: {', '.join(found.labels)}")
+    if found.annotations:
+        lines.append(f"annotations of {count(found.annotations, 'episode')}")
     if found.not_held:
         lines.append(f"not in the export, so empty: {', '.join(found.not_held)}")
     say_lines(lines)
 
 
-def _print_topics(topics: Sequence[TopicFacts], *, as_json: bool) -> None:
+def _print_export(export: Path, *, as_json: bool) -> None:
+    from grasp_factory.curation.restore import list_export
+
+    found = list_export(export)
     if as_json:
-        print_json(topics)
+        print_json(found)
         return
-    if not topics:
+    lines = [
+        f"{export}: {count(found.episodes, 'episode')} as {found.format},"
+        f" {'can' if found.can_be_imported else 'cannot'} be imported",
+        f"stores: {', '.join(found.stores)}",
+        f"arrays of the stores: {', '.join(found.arrays)}",
+    ]
+    if found.labels:
+        lines.append(f"added labels: {', '.join(found.labels)}")
+    if found.annotations:
+        lines.append(f"annotations of {count(found.annotations, 'episode')}")
+    say_lines(lines)
+
+
+def _print_bag(bag: BagFacts, *, as_json: bool) -> None:
+    if as_json:
+        print_json(bag)
+        return
+    if not bag.topics:
         say("the bag has no topics")
-    for topic in topics:
+    for topic in bag.topics:
         rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:.6g} Hz"
         gap = "-" if topic.longest_gap_s is None else f"{topic.longest_gap_s:.6g} s"
         messages = count(topic.count, "message")
         say_lines([f"{topic.name}: {topic.kind}, {messages}, {rate}, longest gap {gap}"])
+    say_lines(_lost_lines(bag.without_topic))
 
 
 def _import_lines(out: Path, found: BagImport) -> Iterator[str]:
@@ -135,3 +177,9 @@ def _import_lines(out: Path, found: BagImport) -> Iterator[str]:
             yield f"{topic.name}: {topic.without_stamp} without a stamp have the time of arrival"
     for name, reason in found.left_out.items():
         yield f"{name}: left out, because {reason}"
+    yield from _lost_lines(found.without_topic)
+
+
+def _lost_lines(messages: int) -> Iterator[str]:
+    if messages:
+        yield f"{count(messages, 'message')} cannot be read: the bag does not name their topics"

@@ -12,9 +12,12 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from grasp_factory.core.text_format import escaped_lines
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 _SIGNS = "=+@\uff1d\uff0b\uff0d\uff20-"
 _COMPUTED = re.compile(rf"\A(?=[\t\n{_SIGNS}])|(?<=[;\t\n])(?=[{_SIGNS}])")
@@ -23,11 +26,11 @@ _COMPUTED = re.compile(rf"\A(?=[\t\n{_SIGNS}])|(?<=[;\t\n])(?=[{_SIGNS}])")
 class CsvWriter:
     """Writes rows; lines end with a line feed."""
 
-    def __init__(self, out: TextIO, *, quotes_text: bool = False) -> None:
+    def __init__(self, out: SupportsWrite[str], *, quotes_text: bool = False) -> None:
         """Write nothing yet.
 
         Args:
-            out: an open text file.
+            out: an open text file, or what takes texts as one does.
             quotes_text: put every text in quotes, not only where it is necessary.
         """
         self._writer = csv.writer(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
+import errno
 import os
 from pathlib import Path
 
@@ -31,21 +31,22 @@ def check_free(out: Path, what: str) -> None:
 def publish(built: Path, out: Path, what: str) -> None:
     """Move a complete folder to its place, unless something exists there by now.
 
-    An empty folder reserves the name first, and the move replaces it.
+    It is one call, so that a process that is killed leaves the whole folder or nothing. Of what
+    appears at the last instant, the call replaces nothing but an empty folder.
 
     Raises:
         UsageError: if something exists there.
         OSError: if the disk fails; then there is nothing.
     """
-    try:
-        out.mkdir()
-    except FileExistsError:
-        raise _occupied(out, what) from None
+    if os.path.lexists(out):
+        raise _occupied(out, what)
     try:
         os.replace(built, out)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            out.rmdir()
+    except (FileExistsError, NotADirectoryError):
+        raise _occupied(out, what) from None
+    except OSError as error:
+        if error.errno == errno.ENOTEMPTY:
+            raise _occupied(out, what) from None
         raise
 
 

@@ -15,12 +15,15 @@ from pathlib import Path
 _MAKER = re.compile(r"(\d+)-\w+")
 """Process id and the suffix from ``tempfile``; the rest of a longer host name does not match."""
 
+_SIGN = re.compile(r"[^\w.-]")
+
 
 @contextlib.contextmanager
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     """Yield a new folder ``.NAME-HOST-PID-*``; remove it at the end.
 
-    First remove such folders in ``parent`` whose process on this host does not exist any more.
+    Characters of the name that mean something in a URI or a pattern become ``_``. First remove such
+    folders in ``parent`` whose process on this host does not exist any more.
 
     Args:
         parent: where to create the folder; files can be moved from it to ``parent``.
@@ -29,7 +32,7 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     Raises:
         OSError: if the folder cannot be created.
     """
-    head = f".{name}-{socket.gethostname()}-"
+    head = f".{_SIGN.sub('_', name)}-{socket.gethostname()}-"
     for left in parent.glob(f"{glob.escape(head)}*"):
         maker = _MAKER.fullmatch(left.name.removeprefix(head))
         if maker and not Path("/proc", maker[1]).exists():

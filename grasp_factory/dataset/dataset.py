@@ -23,7 +23,7 @@ from grasp_factory.dataset.episode_views import EpisodeViews
 from grasp_factory.dataset.object_meshes import recipe_mesh
 from grasp_factory.dataset.row_codec import NEEDED
 from grasp_factory.dataset.row_integrity import must_have_fingerprints
-from grasp_factory.dataset.row_lookup import RowIndex
+from grasp_factory.dataset.row_lookup import RowIndex, chosen_rows
 from grasp_factory.dataset.sensor_reader import Readings
 from grasp_factory.errors import StoreError, UsageError, lookup
 from grasp_factory.signals.noise import EpisodeNoise, SensorNoise, named_noise
@@ -31,7 +31,12 @@ from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.field_arrays import open_arrays
 from grasp_factory.writers.zarr.header import SOURCES, open_store
-from grasp_factory.writers.zarr.label_columns import added_columns, added_labels, read_label
+from grasp_factory.writers.zarr.label_columns import (
+    added_columns,
+    added_labels,
+    label_thresholds,
+    read_label,
+)
 
 if TYPE_CHECKING:
     from grasp_factory.writers.exporters.exporting import Exported
@@ -231,6 +236,17 @@ class Dataset(EpisodeViews):
         outcome = read_label(root, f"labels/{name}/outcome", len(self))
         return checked_label(self.path, name, outcome) if self._is_checked else outcome
 
+    def label_thresholds(self, name: str) -> dict[str, float | None]:
+        """Return the thresholds that an added label was made with, by name.
+
+        Raises:
+            UnknownNameError: listing the labels.
+            StoreError: if they are damaged.
+        """
+        lookup(dict.fromkeys(self.labels), "label", name)
+        attributes = added_columns(self.path)[f"labels/{name}/outcome"].attrs.asdict()
+        return label_thresholds(f"{self.path}: labels/{name}", attributes)
+
     def arrays(self) -> dict[str, zarr.Array[Any]]:
         """Return every array of the store by its path, including added labels."""
         own = {path: array.zarr for path, array in self._arrays.items()}
@@ -250,22 +266,23 @@ class Dataset(EpisodeViews):
         Args:
             to: the format; ``grasp-factory export --list`` lists all of them.
             out: the folder to create; it must not exist.
-            rows: rows that hold an episode, in the order of the export; None for all of them.
+            rows: rows that hold an episode, in the order of the export, or a mask of truth values,
+                one for each row of the store; None for all episodes.
             workers: number of processes; the files do not depend on it.
             **settings: options of the format.
 
         Raises:
             UnknownNameError: for an unknown format.
-            UsageError: for a place that is taken, a missing library, a row without an episode, or
-                episodes that the format cannot hold.
+            UsageError: for a place that is taken, a missing library, rows that are no rows of
+                episodes, or episodes that the format cannot hold.
             ConfigError: for an invalid setting.
             StoreError: if the store is damaged, or the disk fails or is full.
         """
-        from grasp_factory.writers.exporters import EXPORTERS  # noqa: PLC0415
+        from grasp_factory.writers.exporters import exporter_named  # noqa: PLC0415
         from grasp_factory.writers.exporters.exporting import run_export  # noqa: PLC0415
 
-        exporter = lookup(EXPORTERS, "format", to)
-        chosen = self.committed.tolist() if rows is None else [int(row) for row in rows]
+        exporter = exporter_named(to)
+        chosen = self.committed.tolist() if rows is None else chosen_rows(rows, len(self))
         return run_export(exporter, [(self, chosen)], Path(out), settings, workers=workers)
 
     def verify(self, index: int) -> bool:

@@ -10,9 +10,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.serialization import is_integer
-from grasp_factory.errors import StoreError, shown
+from grasp_factory.errors import StoreError, UsageError, shown
 from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.writer import MISSING, QUARANTINED
+
+
+def chosen_rows(rows: Any, length: int) -> list[int]:
+    """Return the rows that integers, or a mask, choose of a store.
+
+    Args:
+        rows: integers in any order, or truth values, one for each row of the store.
+        length: number of the store's rows.
+
+    Raises:
+        UsageError: for anything else.
+    """
+    valid = f"valid: integers, or a mask of {length} truth values"
+    try:
+        given = None if isinstance(rows, str | bytes) else list(rows)
+    except TypeError:
+        given = None
+    if given is None:
+        raise UsageError(f"rows: got {shown(rows)}, {valid}")
+    if given and all(isinstance(row, bool | np.bool_) for row in given):
+        if len(given) != length:
+            raise UsageError(f"rows: got {len(given)} truth values, {valid}")
+        return [place for place, is_chosen in enumerate(given) if is_chosen]
+    for row in given:
+        if not is_integer(row):
+            raise UsageError(f"rows: got {shown(row)} among them, {valid}")
+    return [int(row) for row in given]
 
 
 class RowIndex:

@@ -462,8 +462,14 @@ def cut(path: Path) -> Path:
 
 
 NO_BAG: dict[str, tuple[Callable[[Path], Path], str]] = {
-    "nothing": (lambda path: path, "b cannot be read: No such file"),
-    "an empty file": (lambda path: written(path, b""), "b is no ROS bag: it begins with b''"),
+    "nothing": (
+        lambda path: path,
+        "b does not exist; valid: a bag of ROS 1 or ROS 2, or an export",
+    ),
+    "an empty file": (
+        lambda path: written(path, b""),
+        "b is no ROS bag and no export: it begins with b''",
+    ),
     "another file": (lambda path: written(path, b"\x89PNG\r\n"), "is no ROS bag"),
     "a device": (lambda path: Path("/dev/null"), "/dev/null is no regular file"),
     "a folder without metadata": (without_metadata, "b has no metadata.yaml"),
@@ -472,7 +478,7 @@ NO_BAG: dict[str, tuple[Callable[[Path], Path], str]] = {
     "a bag without topics": (lambda path: bags.ros1(path, []), "has no messages to import"),
     "other types only": (
         lambda path: bags.ros1(path, [("/s", "std_msgs/msg/String", START, {})]),
-        "has no messages to import; valid types: sensor_msgs/msg/Image,",
+        "has no place in the layout); valid types: sensor_msgs/msg/Image,",
     ),
     "a type of its own": (lambda path: odd_bag(path, "int32 x"), "has no messages to import"),
     "bytes that are no messages": (garbled, "has no messages to import"),
@@ -599,7 +605,9 @@ def test_the_list_has_count_rate_and_longest_gap(run: Run, tmp_path: Path) -> No
     )
     code, out, _ = run("import", bag, "--list", "--json")
     assert code == 0
-    imu, once = json.loads(out)
+    found = json.loads(out)
+    assert found["without_topic"] == 0
+    imu, once = found["topics"]
     assert (imu["name"], imu["count"]) == ("/imu", 5)
     assert imu["rate_hz"] == pytest.approx(4 / 0.6)
     assert imu["longest_gap_s"] == pytest.approx(0.3)
@@ -643,7 +651,7 @@ def test_a_decoder_that_crashes_ends_its_worker_alone(
 ) -> None:
     bag = bags.ros1(tmp_path / "b.bag", recording()[:16])
     assert isinstance(import_process.reading_executor(), LimitedExecutor)
-    assert len(list_topics(bag)) == 8
+    assert len(list_topics(bag).topics) == 8
     monkeypatch.setattr(importing, "extract", bags.end_the_process)
     with pytest.raises(StoreError, match=r"b.bag: reading it ended its process \(SIGKILL\)"):
         import_bag(bag, tmp_path / "out", "sequences")

@@ -40,3 +40,11 @@ def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path: Path) 
     with scratch_folder(tmp_path, "out"):
         assert not left.exists()
     assert sorted(tmp_path.iterdir()) == sorted(kept)
+
+
+@pytest.mark.parametrize("name", ["a?b#c", "a%41", "a&b=c", "a[b]*", "a\nb"])
+def test_the_name_has_no_signs_of_a_uri_or_a_pattern(tmp_path: Path, name: str) -> None:
+    with scratch_folder(tmp_path, name) as folder:
+        assert not set(folder.name) & set("?#%&=[]*\n")
+        assert folder.parent == tmp_path
+    assert list(tmp_path.iterdir()) == []

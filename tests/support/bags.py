@@ -59,7 +59,7 @@ def messages(make: MessageMaker, contents: Iterable[Content]) -> Iterable[Stampe
         stamp = fields.get("stamp", arrival)
         more = {key: value for key, value in fields.items() if key != "stamp"}
         if callable(more.get("of")):
-            more = more["of"](make)
+            more = more.pop("of")(make) | more
         if kind.partition("/")[0] != "std_msgs":
             more["header"] = make.header(stamp, "frame")
         yield StampedMessage(arrival, Topic(name=name, kind=kind), make(kind, **more))

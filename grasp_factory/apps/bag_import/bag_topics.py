@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -19,7 +19,7 @@ from grasp_factory.capture.bags.pixel_decoding import (
     decode_compressed_image,
     decode_image,
 )
-from grasp_factory.errors import UsageError, lookup
+from grasp_factory.errors import UsageError, lookup, shown
 
 _IMAGES = {
     "sensor_msgs/msg/Image": decode_image,
@@ -30,6 +30,10 @@ KINDS = (*_IMAGES, _CAMERA_INFO, *SERIES_KINDS)
 """Types of messages that are imported."""
 _MOST_TOPICS = 500
 """Each has open files."""
+LONGEST_REASON = 300
+"""Characters."""
+_MOST_REASONS = 5
+"""In a message."""
 
 
 class TopicRole(Enum):
@@ -56,7 +60,7 @@ class BagTopic:
         """Return the image of a message.
 
         Raises:
-            ValueError: if it cannot be decoded, or is depth where the first one is not.
+            ValueError: if it cannot be decoded, or is depth where the topic's first image is not.
         """
         image = _IMAGES[self.kind](message)
         if image.is_depth is not (self.role is TopicRole.DEPTH):
@@ -75,14 +79,16 @@ def choose_topics(
         names: the topics to import; none for all.
 
     Raises:
-        UsageError: for an unknown name, or one that cannot be imported.
+        UsageError: for a name that is unknown, named twice or cannot be imported.
         StoreError: if the bag is damaged.
     """
     found: dict[str, list[Connection]] = {}
     for connection in reader.connections:
         found.setdefault(connection.topic, []).append(connection)
-    for name in names:
+    for k, name in enumerate(names):
         lookup(found, "topic", name)
+        if name in names[:k]:
+            raise UsageError(f"--topics: {shown(name)} is named twice; name each topic once")
     chosen: list[BagTopic] = []
     left_out: dict[str, str] = {}
     for name in sorted(names or found):
@@ -93,10 +99,18 @@ def choose_topics(
                 raise UsageError(f"{bag}: the topic {name} cannot be imported: {error}") from None
             left_out[name] = str(error)
     if not chosen:
-        raise UsageError(f"{bag} has no messages to import; valid types: {', '.join(KINDS)}")
+        why = f" ({reasons(left_out)})" if left_out else ""
+        raise UsageError(f"{bag} has no messages to import{why}; valid types: {', '.join(KINDS)}")
     if len(chosen) > _MOST_TOPICS:
         raise UsageError(f"{bag}: got {len(chosen)} topics, valid: up to {_MOST_TOPICS}")
     return chosen, left_out
+
+
+def reasons(left_out: Mapping[str, str]) -> str:
+    """Return why topics are left out, in one line."""
+    parts = [f"{name}: {reason}" for name, reason in left_out.items()]
+    more = len(parts) - _MOST_REASONS
+    return "; ".join([*parts[:_MOST_REASONS], *([f"and {more} more"] if more > 0 else [])])
 
 
 def _topic(bag: Path, reader: AnyReader, name: str, connections: list[Connection]) -> BagTopic:
@@ -111,16 +125,26 @@ def _topic(bag: Path, reader: AnyReader, name: str, connections: list[Connection
         is_the_standard = is_standard(reader, kind)
     if not is_the_standard:
         raise ValueError(f"the bag's definition of {kind} is not that of ROS")
-    first = next(raw_messages(bag, reader, connections), None)
-    if first is None:
-        raise ValueError("it has no messages")
-    role = _role(kind, message_of(reader, first[0], first[2]))
+    role = _role(bag, reader, kind, connections)
     return BagTopic(name=name, kind=kind, role=role, connections=tuple(connections))
 
 
-def _role(kind: str, first: Any) -> TopicRole:
+def _role(bag: Path, reader: AnyReader, kind: str, connections: list[Connection]) -> TopicRole:
+    """Return the role by the first message that can be decoded."""
+    bad, reason = 0, ""
+    for connection, _, data in raw_messages(bag, reader, connections):
+        try:
+            return _role_of(kind, message_of(reader, connection, data))
+        except ValueError as error:
+            bad, reason = bad + 1, reason or str(error)[:LONGEST_REASON]
+    if not bad:
+        raise ValueError("it has no messages")
+    raise ValueError(f"none of its {bad} messages can be decoded, the first because {reason}")
+
+
+def _role_of(kind: str, message: Any) -> TopicRole:
     if kind == _CAMERA_INFO:
         return TopicRole.CAMERA_INFO
     if kind not in _IMAGES:
         return TopicRole.SERIES
-    return TopicRole.DEPTH if _IMAGES[kind](first).is_depth else TopicRole.COLOUR
+    return TopicRole.DEPTH if _IMAGES[kind](message).is_depth else TopicRole.COLOUR

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from grasp_factory.apps.bag_import.bag_topics import BagTopic
 from grasp_factory.apps.bag_import.camera_pairing import CameraTopics
 from grasp_factory.apps.bag_import.image_folder import ImageFolder
-from grasp_factory.apps.bag_import.series_file import SeriesFile, seconds
-from grasp_factory.apps.bag_import.series_rows import imu_cells
+from grasp_factory.apps.bag_import.series_file import SeriesFile
+from grasp_factory.apps.bag_import.series_rows import Seconds, imu_cells
 from grasp_factory.writers.exporters.json_file import finite, write_json
 
 SLOP_NS = 100_000_000
@@ -35,7 +35,7 @@ class ImuTrack:
         """Append a sample."""
         cells = imu_cells(message)
         self._stamps.append(stamp_ns)
-        self._values.extend(np.nan if cell is None else float(cell) for cell in cells)
+        self._values.extend(np.nan if cell is None else cell for cell in cells)
 
     def nearest(self, stamps: NDArray[np.int64]) -> list[dict[str, Any] | None]:
         """Return the sample nearest to each stamp (ns); None if none is within ``SLOP_NS``."""
@@ -107,7 +107,7 @@ class CameraSequence:
     def _write_depth_times(self, stamps: NDArray[np.int64]) -> None:
         file = SeriesFile(self.folder / "depth" / "data.csv", ("timestamp", "file"))
         for k, stamp in enumerate(stamps.tolist()):
-            file.add(stamp, [seconds(stamp), f"{k:06d}.png"])
+            file.add(stamp, [Seconds(stamp), f"{k:06d}.png"])
         file.finish()
 
     def _frames(

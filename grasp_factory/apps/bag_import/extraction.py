@@ -10,10 +10,15 @@ from pathlib import Path
 from rosbags.highlevel import AnyReader
 
 from grasp_factory.apps.bag_import.article_layout import ArticleLayout
-from grasp_factory.apps.bag_import.bag_topics import BagTopic, choose_topics
+from grasp_factory.apps.bag_import.bag_topics import (
+    LONGEST_REASON,
+    BagTopic,
+    choose_topics,
+    reasons,
+)
 from grasp_factory.apps.bag_import.import_layout import ImportLayout
 from grasp_factory.apps.bag_import.sequence_layout import SequenceLayout
-from grasp_factory.apps.bag_import.topic_listing import TopicFacts, topics_of
+from grasp_factory.apps.bag_import.topic_listing import BagFacts, facts_of, without_topic
 from grasp_factory.capture.bags.bag_file import opened, raw_messages
 from grasp_factory.capture.bags.messages import message_of, stamp_ns_of
 from grasp_factory.core.executors import SendMessage
@@ -25,8 +30,6 @@ LAYOUTS: Mapping[str, Callable[[Path, Sequence[BagTopic]], ImportLayout]] = {
 }
 STEPS = 100
 """How often an import reports at most."""
-_LONGEST_REASON = 300
-"""Characters."""
 _LATEST_NS = 2**63 - 1
 """Times of arrival in MCAP files may be later; they become this one."""
 
@@ -72,13 +75,15 @@ class BagImport:
     topics: tuple[ImportedTopic, ...]
     left_out: Mapping[str, str]
     """The other topics with the reason."""
+    without_topic: int
+    """Messages that belong to none of the bag's topics: they cannot be read."""
 
 
-def listed(job: tuple[Path, Path], report: SendMessage) -> list[TopicFacts]:
-    """Return the topics of a bag; the job is the bag and a folder for temporary files."""
+def listed(job: tuple[Path, Path], report: SendMessage) -> BagFacts:
+    """Return what is in a bag; the job is the bag and a folder for temporary files."""
     bag, aside = job
     with opened(bag, aside) as reader:
-        return topics_of(bag, reader)
+        return facts_of(bag, reader)
 
 
 def extract(job: ImportJob, report: SendMessage) -> BagImport:
@@ -97,11 +102,18 @@ def extract(job: ImportJob, report: SendMessage) -> BagImport:
             left_out |= layout.left_out
             topics = [topic for topic in chosen if topic.name not in left_out]
             if not topics:
-                why = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+                why = reasons(left_out)
                 raise UsageError(f"{job.bag}: the layout can hold none of its topics ({why})")
             found = _add_messages(job.bag, reader, layout, topics, report)
             layout.finish()
-    return BagImport(bag=job.bag.name, layout=job.layout, topics=found, left_out=left_out)
+            lost = without_topic(reader)
+    return BagImport(
+        bag=job.bag.name,
+        layout=job.layout,
+        topics=found,
+        left_out=left_out,
+        without_topic=lost,
+    )
 
 
 def _add_messages(
@@ -126,7 +138,7 @@ def _add_messages(
             entry.imported += 1
         except ValueError as error:
             entry.undecodable += 1
-            entry.reason = entry.reason or str(error)[:_LONGEST_REASON]
+            entry.reason = entry.reason or str(error)[:LONGEST_REASON]
         while steps < min(done * STEPS // max(total, 1), STEPS):
             steps += 1
             report(steps)

@@ -14,7 +14,7 @@ from grasp_factory.apps.bag_import.extraction import (
     extract,
     listed,
 )
-from grasp_factory.apps.bag_import.topic_listing import TopicFacts
+from grasp_factory.apps.bag_import.topic_listing import BagFacts
 from grasp_factory.capture.bags.bag_file import bag_suffix
 from grasp_factory.core.executors.import_process import in_import_process
 from grasp_factory.core.output_folder import check_free, publish
@@ -30,8 +30,8 @@ _LONGEST_PREFIX = 40
 """Characters of the name that the hidden scratch folder repeats: file systems limit its length."""
 
 
-def list_topics(bag: Path) -> list[TopicFacts]:
-    """Return the topics of a bag by name.
+def list_topics(bag: Path) -> BagFacts:
+    """Return the topics of a bag, and how many messages belong to none of them.
 
     Raises:
         UsageError: if it is no bag.
@@ -39,7 +39,7 @@ def list_topics(bag: Path) -> list[TopicFacts]:
     """
     bag_suffix(bag)
     with scratch_folder(Path(tempfile.gettempdir()), "grasp-factory-bag") as aside:
-        found: list[TopicFacts] = in_import_process(listed, (bag, aside), bag)
+        found: BagFacts = in_import_process(listed, (bag, aside), bag)
     return found
 
 

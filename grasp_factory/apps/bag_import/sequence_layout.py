@@ -19,8 +19,8 @@ from grasp_factory.apps.bag_import.bag_topics import BagTopic, TopicRole
 from grasp_factory.apps.bag_import.camera_pairing import CameraTopics, pair_cameras
 from grasp_factory.apps.bag_import.camera_sequence import CameraSequence, ImuTrack, calibration_of
 from grasp_factory.apps.bag_import.import_layout import ImportLayout
-from grasp_factory.apps.bag_import.series_file import SeriesFile, seconds
-from grasp_factory.apps.bag_import.series_rows import IMU, SERIES_KINDS
+from grasp_factory.apps.bag_import.series_file import SeriesFile
+from grasp_factory.apps.bag_import.series_rows import IMU, SERIES_KINDS, Seconds
 
 _UNITS = {
     "timestamp": "s, of the header, or of the arrival where the header has none",
@@ -68,7 +68,7 @@ class SequenceLayout(ImportLayout):
         """See ``ImportLayout.add``."""
         if topic.role is TopicRole.SERIES:
             for row in SERIES_KINDS[topic.kind].rows(message):
-                self._series[topic.name].add(stamp_ns, [seconds(stamp_ns), *row])
+                self._series[topic.name].add(stamp_ns, [Seconds(stamp_ns), *row])
             if topic.name == self._imu_topic:
                 self._imu.add(stamp_ns, message)
             return

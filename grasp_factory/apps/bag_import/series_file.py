@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import csv
+import os
 from array import array
 from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -23,35 +24,48 @@ class SeriesFile:
             OSError: if it cannot be written, as in all methods.
         """
         self._path = path
-        self._file = path.open("x", encoding="utf-8", newline="")
-        self._writer = CsvWriter(self._file)
+        self._file = path.open("xb")
+        self._text = _MeasuredText(self._file)
+        self._writer = CsvWriter(self._text)
         self._writer.row(columns)
         self._stamps = array("q")
+        self._starts = array("q", [self._text.size])
 
     def add(self, stamp_ns: int, cells: Sequence[Cell]) -> None:
         """Append a row."""
-        self._stamps.append(stamp_ns)
         self._writer.row(cells)
+        self._stamps.append(stamp_ns)
+        self._starts.append(self._text.size)
 
     def finish(self) -> None:
         """Close the file, sorted."""
         self._file.close()
-        stamps = np.frombuffer(self._stamps, np.int64) if self._stamps else np.empty(0, np.int64)
+        stamps = np.array(self._stamps, np.int64)
         if (np.diff(stamps) >= 0).all():
             return
-        with self._path.open(encoding="utf-8", newline="") as file:
-            head, *rows = csv.reader(file)
-        with self._path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(head)
-            writer.writerows(rows[k] for k in np.argsort(stamps, kind="stable"))
+        unsorted = self._path.with_name(f"{self._path.name}.unsorted")
+        os.replace(self._path, unsorted)
+        with unsorted.open("rb") as rows, self._path.open("xb") as file:
+            file.write(rows.read(self._starts[0]))
+            for k in np.argsort(stamps, kind="stable").tolist():
+                rows.seek(self._starts[k])
+                file.write(rows.read(self._starts[k + 1] - self._starts[k]))
+        unsorted.unlink()
 
     def close(self) -> None:
         """Close the file after an error."""
         self._file.close()
 
 
-def seconds(stamp_ns: int) -> str:
-    """Return a stamp in seconds with all of its nine decimal places."""
-    whole, part = divmod(abs(stamp_ns), 10**9)
-    return f"{'-' if stamp_ns < 0 else ''}{whole}.{part:09d}"
+class _MeasuredText:
+    """Text that is written to a file, and how many bytes it has."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.size = 0
+
+    def write(self, text: str) -> int:
+        """Append a text."""
+        data = text.encode()
+        self.size += len(data)
+        return self._file.write(data)

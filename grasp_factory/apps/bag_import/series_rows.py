@@ -5,12 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 from grasp_factory.core.text_format import escaped
 
-Cell = float | str | None
+
+@dataclass(frozen=True, slots=True)
+class Seconds:
+    """A stamp as a cell: a number in seconds with all of its nine decimal places."""
+
+    ns: int
+
+    def __str__(self) -> str:
+        whole, part = divmod(abs(self.ns), 10**9)
+        return f"{'-' if self.ns < 0 else ''}{whole}.{part:09d}"
+
+
+Cell = float | str | Seconds | None
 _XYZ = ("x", "y", "z")
+_XYZW = (*_XYZ, "w")
 _QUAT = ("qx", "qy", "qz", "qw")
 
 
@@ -25,40 +39,42 @@ class SeriesKind:
     """Returns the rows of a message without its time."""
 
 
-def _number(value: float) -> Cell:
+def _number(value: float) -> float | None:
     """Return a cell that is empty for NaN."""
     return None if math.isnan(value) else float(value)
 
 
-def _cells(value: Any, names: tuple[str, ...]) -> list[Cell]:
+def _cells(value: Any, names: tuple[str, ...]) -> list[float | None]:
     return [_number(getattr(value, name)) for name in names]
 
 
-def _orientation(quaternion: Any) -> list[Cell]:
-    return _cells(quaternion, (*_XYZ, "w"))
+def imu_cells(message: Any) -> list[float | None]:
+    """Return specific force (m/s2) and angular velocity (rad/s) of a sensor_msgs/Imu.
 
-
-def imu_cells(message: Any) -> list[Cell]:
-    """Return specific force (m/s2) and angular velocity (rad/s) of a sensor_msgs/Imu."""
+    Cells of what was not measured are empty.
+    """
     return [
-        *_cells(message.linear_acceleration, _XYZ),
-        *_cells(message.angular_velocity, _XYZ),
+        *_measured(message, "linear_acceleration", _XYZ),
+        *_measured(message, "angular_velocity", _XYZ),
     ]
 
 
-def imu_orientation(message: Any) -> list[Cell]:
-    """Return the orientation, xyzw; empty if the message has none: its first covariance is -1."""
-    has_none = message.orientation_covariance[0] == -1
-    return [None] * 4 if has_none else _orientation(message.orientation)
+def _measured(message: Any, what: str, names: tuple[str, ...]) -> list[float | None]:
+    """Return a quantity of an IMU; empty cells if the first value of its covariance is -1.
+
+    The definition of sensor_msgs/Imu says so: https://github.com/ros2/common_interfaces
+    """
+    has_none = getattr(message, f"{what}_covariance")[0] == -1
+    return [None] * len(names) if has_none else _cells(getattr(message, what), names)
 
 
 def pose_cells(pose: Any) -> list[Cell]:
     """Return position (m) and orientation (xyzw) of a geometry_msgs/Pose."""
-    return [*_cells(pose.position, _XYZ), *_orientation(pose.orientation)]
+    return [*_cells(pose.position, _XYZ), *_cells(pose.orientation, _XYZW)]
 
 
 def _imu(message: Any) -> list[list[Cell]]:
-    return [[*imu_cells(message), *imu_orientation(message)]]
+    return [[*imu_cells(message), *_measured(message, "orientation", _XYZW)]]
 
 
 def _odometry(message: Any) -> list[list[Cell]]:
@@ -68,12 +84,13 @@ def _odometry(message: Any) -> list[list[Cell]]:
 
 
 def _joints(message: Any) -> list[list[Cell]]:
-    """Return a row for each joint; what the message does not say of it is empty."""
-    values = [list(message.position), list(message.velocity), list(message.effort)]
-    return [
-        [escaped(name), *(_number(each[k]) if k < len(each) else None for each in values)]
-        for k, name in enumerate(message.name)
+    """Return a row for each joint; what the message does not say of it, also its name, is empty."""
+    names = [escaped(name) for name in message.name]
+    numbers = [
+        [_number(value) for value in values]
+        for values in (message.position, message.velocity, message.effort)
     ]
+    return [list(row) for row in zip_longest(names, *numbers)]
 
 
 def _wrench(message: Any) -> list[list[Cell]]:

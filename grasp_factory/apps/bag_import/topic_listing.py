@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from grasp_factory.capture.bags.bag_file import raw_messages
 
@@ -26,6 +29,16 @@ class TopicFacts:
     """Longest time between two messages that follow each other; None for less than two."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BagFacts:
+    """What is in a bag."""
+
+    topics: tuple[TopicFacts, ...]
+    """By name."""
+    without_topic: int
+    """Messages that belong to none of the topics: they cannot be read."""
+
+
 @dataclass(slots=True)
 class _Clock:
     """The arrivals of a topic's messages so far, ns."""
@@ -41,8 +54,8 @@ class _Clock:
         self.count, self.last = self.count + 1, time
 
 
-def topics_of(bag: Path, reader: AnyReader) -> list[TopicFacts]:
-    """Return the topics of a bag by name; all of the bag is read.
+def facts_of(bag: Path, reader: AnyReader) -> BagFacts:
+    """Return what is in a bag; all of it is read.
 
     Raises:
         StoreError: if it is damaged.
@@ -53,7 +66,35 @@ def topics_of(bag: Path, reader: AnyReader) -> list[TopicFacts]:
     clocks = {name: _Clock() for name in kinds}
     for connection, time, _ in raw_messages(bag, reader, reader.connections):
         clocks[connection.topic].add(time)
-    return [_facts(name, ", ".join(sorted(kinds[name])), clocks[name]) for name in sorted(kinds)]
+    return BagFacts(
+        topics=tuple(
+            _facts(name, ", ".join(sorted(kinds[name])), clocks[name]) for name in sorted(kinds)
+        ),
+        without_topic=without_topic(reader),
+    )
+
+
+def without_topic(reader: AnyReader) -> int:
+    """Return how many messages of a bag belong to none of its topics.
+
+    In a database the row of their topic is missing, or the metadata.yaml of the folder does not
+    name the topic. rosbags passes over them.
+    """
+    known = [_identity(connection) for connection in reader.connections]
+    lost = 0
+    for part in reader.readers:
+        storage: Any = getattr(part, "storage", None)  # a bag of ROS 1 has none
+        for file in getattr(storage, "storages", [storage] if storage else []):
+            lost += sum(each.msgcount for each in file.connections if _identity(each) not in known)
+            if isinstance(file, Sqlite3Reader):
+                lost += file.metadata.message_count
+                lost -= sum(each.msgcount for each in file.connections)
+    return lost
+
+
+def _identity(connection: Connection) -> tuple[Any, ...]:
+    """Return what rosbags finds the topic of a folder's metadata in one of its files by."""
+    return connection.topic, connection.msgtype, connection.ext
 
 
 def _facts(name: str, kind: str, clock: _Clock) -> TopicFacts:

@@ -24,7 +24,6 @@ from grasp_factory.dataset.counts import (
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, UsageError
 from grasp_factory.writers.zarr.columns import Columns
-from grasp_factory.writers.zarr.label_columns import label_thresholds
 from grasp_factory.writers.zarr.sizes import store_bytes
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
@@ -187,11 +186,10 @@ def _labels(
         there = made[made < len(stored)]
         outcome = np.full(len(made), len(Outcome), np.uint8)
         outcome[: len(there)] = stored[there]
-        attributes: Mapping[str, Any] = dataset.arrays()[f"labels/{name}/outcome"].attrs.asdict()
         labels.append(
             AddedLabel(
                 name=name,
-                thresholds=label_thresholds(f"{dataset.path}: labels/{name}", attributes),
+                thresholds=dataset.label_thresholds(name),
                 episodes=int(np.sum(outcome < len(Outcome))),
                 successes=int(np.sum(outcome == Outcome.SUCCESS)),
             )

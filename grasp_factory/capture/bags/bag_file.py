@@ -8,17 +8,21 @@ import stat
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
+from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import GraspFactoryError, StoreError, UsageError, shown
 
 _SUFFIXES = {b"#ROSBAG V2.0\n": ".bag", b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\0": ".db3"}
 """Suffixes that rosbags tells the formats by, by how files of the formats begin."""
 _METADATA = "metadata.yaml"
-_VALID = "valid: a .bag of ROS 1 (version 2.0), .mcap, .db3, or a folder with metadata.yaml"
+_VALID = (
+    "valid: a .bag of ROS 1 (version 2.0), .mcap, .db3, a folder with metadata.yaml, or an export"
+)
 _URI_SIGNS = "%?#"
 """SQLite's reader takes a file's name for a part of a URI, in which these have a meaning."""
 
@@ -27,7 +31,8 @@ def bag_suffix(bag: Path) -> str:
     """Return the suffix that belongs to a bag's content; empty for a folder.
 
     Raises:
-        UsageError: if it is no bag, or a folder with links or other irregular files.
+        UsageError: if it is no bag, a folder with links or other irregular files, or a database
+            of SQLite that lacks changes which are in a file beside it.
     """
     try:
         mode = bag.stat().st_mode
@@ -38,17 +43,20 @@ def bag_suffix(bag: Path) -> str:
             raise UsageError(f"{bag} is no regular file; {_VALID}")
         with bag.open("rb") as file:
             head = file.read(max(map(len, _SUFFIXES)))
+        _check_settled(Path(os.path.realpath(bag)))  # SQLite writes beside what a link leads to
     except OSError as error:
         raise UsageError(f"{bag} cannot be read: {error.strerror or error}; {_VALID}") from None
     for magic, suffix in _SUFFIXES.items():
         if head.startswith(magic):
             return suffix
-    raise UsageError(f"{bag} is no ROS bag: it begins with {shown(head)}; {_VALID}")
+    raise UsageError(f"{bag} is no ROS bag and no export: it begins with {shown(head)}; {_VALID}")
 
 
 def _check_folder(bag: Path) -> None:
     with os.scandir(bag) as entries:
         found = {entry.name: entry.is_file(follow_symlinks=False) for entry in entries}
+    if "zarr.json" in found:
+        raise UsageError(f"{bag} is a store, which is no bag and no export; {_VALID}")
     if _METADATA not in found:
         raise UsageError(f"{bag} has no {_METADATA}: name the .mcap or .db3 file in it; {_VALID}")
     for name, is_regular in sorted(found.items()):
@@ -56,6 +64,31 @@ def _check_folder(bag: Path) -> None:
             raise UsageError(f"{bag / name} is a link, a folder or no regular file: remove it")
         if set(name) & set(_URI_SIGNS):
             raise UsageError(f"{bag / name}: got a name with one of {_URI_SIGNS}: rename it")
+        _check_settled(bag / name)
+
+
+def _check_settled(file: Path) -> None:
+    """Check that a database of SQLite is complete without the files that SQLite keeps beside it.
+
+    rosbags reads the database only. A write-ahead log has changes that are not in it yet; a
+    rollback journal says how to undo changes of a writer that was killed, unless its first byte is
+    zero (https://www.sqlite.org/fileformat2.html#the_rollback_journal).
+    """
+    log, journal = (Path(f"{file}{ending}") for ending in ("-wal", "-journal"))
+    for beside, is_settled in ((log, b""), (journal, b"\0")):
+        if _first_byte(beside) not in (b"", is_settled):
+            raise UsageError(
+                f"{beside} has changes that {file.name} lacks, as after a recorder was killed: let"
+                " SQLite take them over, such as by: sqlite3 FILE.db3 'pragma quick_check'"
+            )
+
+
+def _first_byte(file: Path) -> bytes:
+    """Return the first byte of a regular file; nothing if it is empty or not there."""
+    if not file.is_file():
+        return b""
+    with file.open("rb") as opened:
+        return opened.read(1)
 
 
 @contextlib.contextmanager
@@ -70,14 +103,31 @@ def opened(bag: Path, aside: Path) -> Iterator[AnyReader]:
         UsageError: if it is no bag.
         StoreError: if it is damaged.
     """
-    link = aside / f"bag{bag_suffix(bag)}"  # rosbags goes by the suffix, and SQLite by a URI
-    link.symlink_to(bag.absolute())
+    name = f"bag{bag_suffix(bag)}"  # rosbags goes by the suffix
+    (aside / name).symlink_to(bag.absolute())
     with contextlib.ExitStack() as stack:
         stack.enter_context(_temporary_files_in(aside))
+        descriptor = os.open(aside, os.O_RDONLY | os.O_DIRECTORY)
+        stack.callback(os.close, descriptor)
+        link = Path("/proc/self/fd", str(descriptor), name)  # a path without _URI_SIGNS
         with reading(bag, link):
             humble = get_typestore(Stores.ROS2_HUMBLE)
             reader = stack.enter_context(AnyReader([link], default_typestore=humble))
+        for connection in reader.connections:
+            _check_connection(bag, connection)
         yield reader
+
+
+def _check_connection(bag: Path, connection: Connection) -> None:
+    """Check the types of what rosbags passes on as it is in a database or in metadata.yaml."""
+    topic: Any
+    kind: Any
+    topic, kind = connection.topic, connection.msgtype
+    if not (isinstance(topic, str) and isinstance(kind, str) and is_integer(connection.msgcount)):
+        got = shown((topic, kind, connection.msgcount))
+        raise StoreError(
+            f"{bag} is damaged: a topic: got {got}, valid: name, type and a number of messages"
+        )
 
 
 @contextlib.contextmanager
@@ -108,10 +158,16 @@ def raw_messages(
         return
     messages = reader.messages(connections=connections)
     while True:
-        with reading(bag):
+        with reading(bag, Path(str(reader.paths[0]))):
             found = next(messages, None)
         if found is None:
             return
+        connection, time, _ = found
+        if not is_integer(time):
+            raise StoreError(
+                f"{bag} is damaged: a message of {connection.topic} has the time {shown(time)},"
+                " valid: an integer of nanoseconds"
+            )
         yield found
 
 

@@ -15,6 +15,9 @@ from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import DOCUMENT, EMBEDDED, ROWS
 from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.serialization import is_integer
+from grasp_factory.curation.merge.label_transfer import CopiedLabel
+from grasp_factory.curation.restore.added_data import changes_of, labels_of
+from grasp_factory.dataset.annotations import Change
 from grasp_factory.errors import RefusedFileError, StoreError, UsageError, lookup
 from grasp_factory.robots import ROBOTS
 from grasp_factory.writers.exporters import EXPORTERS, Exporter, ExportFolder
@@ -34,6 +37,9 @@ class ExportedEpisodes:
     """Root attributes of its stores."""
     lines: tuple[int, ...]
     """Where the line of each episode begins, in bytes."""
+    labels: tuple[CopiedLabel, ...]
+    changes: list[Change]
+    """Those that make the annotations, in the order of time."""
 
     @contextmanager
     def reading(self) -> Iterator[BinaryIO]:
@@ -73,6 +79,15 @@ def open_export(path: Path) -> ExportedEpisodes:
         IrregularFileError: if a link is in the way.
         LimitError: if a file is too large.
     """
+    place, record = read_record(path)
+    try:
+        return _opened(path, place, record)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise StoreError(f"{path / RECORD} is damaged: {error}") from None
+
+
+def read_record(path: Path) -> tuple[Place, dict[str, Any]]:
+    """Return the place of an export and its record; see ``open_export`` for what is raised."""
     try:
         place = place_of(path)
         data = (place / RECORD).read_bytes(DOCUMENT)
@@ -85,11 +100,7 @@ def open_export(path: Path) -> ExportedEpisodes:
         raise
     except OSError as error:
         raise StoreError(f"{path} cannot be read: {error.strerror}") from None
-    record = _object(data, f"{path / RECORD}")
-    try:
-        return _opened(path, place, record)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise StoreError(f"{path / RECORD} is damaged: {error}") from None
+    return place, _object(data, f"{path / RECORD}")
 
 
 def _opened(path: Path, place: Place, record: Mapping[str, Any]) -> ExportedEpisodes:
@@ -121,6 +132,8 @@ def _opened(path: Path, place: Place, record: Mapping[str, Any]) -> ExportedEpis
         ),
         attributes=stores,
         lines=lines,
+        labels=labels_of(path, record, len(lines)),
+        changes=changes_of(record, len(lines)),
     )
 
 
@@ -140,17 +153,19 @@ def _config(path: Path, stores: tuple[Mapping[str, Any], ...]) -> FactoryConfig:
 def _line_starts(place: Place) -> tuple[int, ...]:
     """Return where each line of a file begins, in the order of the episodes' numbers."""
     starts: dict[int, int] = {}
+    count = 0
     try:
         with os.fdopen(place.open(), "rb") as file:
             while data := _line(file, place.path):
-                number = _object(data, str(place.path)).get("episode", -1)
+                count += 1
+                ROWS.check(count, place.path)
+                number: Any = _object(data, str(place.path)).get("episode")
                 starts[number if is_integer(number) else -1] = file.tell() - len(data)
-                ROWS.check(len(starts), place.path)
     except RefusedFileError:
         raise
     except OSError as error:
         raise StoreError(f"{place.path} cannot be read: {error.strerror}") from None
-    if sorted(starts) != list(range(len(starts))):
+    if sorted(starts) != list(range(count)):
         raise StoreError(f"{place.path} is damaged: it does not number the episodes from 0")
     return tuple(starts[number] for number in range(len(starts)))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,12 +14,16 @@ from numpy.typing import NDArray
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.executors.import_process import in_import_process
+from grasp_factory.core.output_file import is_in_store
 from grasp_factory.core.serialization import is_integer, to_plain
 from grasp_factory.curation.merge.provenance import SeedSource, makers_of, once
 from grasp_factory.curation.merge.staged_store import StagedStore
+from grasp_factory.curation.restore.added_data import check_changes
 from grasp_factory.curation.restore.episode_values import episode_of
 from grasp_factory.curation.restore.exported import ExportedEpisodes, open_export
-from grasp_factory.errors import RefusedFileError, StoreError, shown
+from grasp_factory.dataset.annotations.carrying import write_log
+from grasp_factory.errors import RefusedFileError, StoreError, UsageError, shown
+from grasp_factory.writers.exporters.export_record import RECORD
 from grasp_factory.writers.zarr.header import SOURCES
 from grasp_factory.writers.zarr.made_of_export import imported
 from grasp_factory.writers.zarr.segment_packing import pack
@@ -37,6 +42,10 @@ class Restored:
     """Episodes whose every value is that of the store that was exported, by their checksums."""
     not_held: tuple[str, ...]
     """Arrays that the export does not hold: they have the fill value."""
+    labels: tuple[str, ...]
+    """Names of added labels."""
+    annotations: int
+    """Episodes with annotations."""
 
 
 def restore(
@@ -55,32 +64,43 @@ def restore(
         on_episode: called after each episode.
 
     Raises:
-        UsageError: if ``export`` is no export that can be read back, or ``out`` is taken.
+        UsageError: if ``export`` is no export that can be read back, or ``out`` is taken, in a
+            store or in the export.
         StoreError: if the export is damaged, or the disk fails. Nothing is left then.
     """
-    place, source = StagedStore(out), open_export(Path(export))
-    on_start(len(source.lines))
+    place, source = StagedStore(out), Path(export)
+    _check_apart(Path(out), source)
+    told: list[int] = []
+
+    def pass_on(message: int) -> None:
+        """Take the number of episodes, and after it each episode."""
+        if told:
+            on_episode()
+        else:
+            told.append(message)
+            on_start(message)
+
     with place.building() as aside:
-        job = (source.path, aside)
-        same, not_held = in_import_process(_build, job, source.path, lambda _: on_episode())
-    return Restored(
-        path=str(out),
-        format=source.exporter.name,
-        episodes=len(source.lines),
-        same=same,
-        not_held=not_held,
-    )
+        found: Restored = in_import_process(_build, (source, aside), source, pass_on)
+    return replace(found, path=str(out))
 
 
-def _build(job: tuple[Path, Path], report: SendMessage) -> tuple[int, tuple[str, ...]]:
+def _check_apart(out: Path, export: Path) -> None:
+    if is_in_store(out):
+        raise UsageError(f"{out} is inside a store, which holds data only: choose another OUT")
+    real = Path(os.path.realpath(out.parent), out.name)
+    if real.is_relative_to(os.path.realpath(export)):
+        raise UsageError(f"{out} lies in the export {export}: choose another OUT")
+
+
+def _build(job: tuple[Path, Path], report: SendMessage) -> Restored:
     """Build the store of an export in an empty folder.
 
-    Returns:
-        How many episodes are as in the store that was exported, and the arrays that the export
-        does not hold.
+    It reports the number of episodes first, and then the number of each episode.
     """
     path, aside = job
     source = open_export(path)
+    report(len(source.lines))
     with source.reading() as file:
         reader = ExportedEpisodeReader(source=source, file=file)
         not_held = reader.not_held()
@@ -94,8 +114,30 @@ def _build(job: tuple[Path, Path], report: SendMessage) -> tuple[int, tuple[str,
             fields=list(source.folder.fields.values()),
         )
         same = _write(reader, aside, report)
+    for label in source.labels:
+        label.write(aside)
+    annotated = _annotate(source, aside)
     pack(aside)
-    return same, not_held
+    return Restored(
+        path=str(aside),
+        format=source.exporter.name,
+        episodes=len(source.lines),
+        same=same,
+        not_held=not_held,
+        labels=tuple(label.name for label in source.labels),
+        annotations=annotated,
+    )
+
+
+def _annotate(source: ExportedEpisodes, store: Path) -> int:
+    """Write the annotations to a store; return how many episodes have any."""
+    try:
+        check_changes(store, source.changes)
+    except ValueError as error:
+        raise StoreError(f"{source.path / RECORD} is damaged: {error}") from None
+    if source.changes:
+        write_log(store, source.changes)
+    return len({change.row for change in source.changes})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

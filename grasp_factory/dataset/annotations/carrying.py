@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from grasp_factory.dataset.annotations.lines import encode
 from grasp_factory.dataset.annotations.log import AnnotationLog
 from grasp_factory.dataset.annotations.log_file import FOLDER, NAME, replace_log
+from grasp_factory.dataset.annotations.records import Change
 from grasp_factory.errors import StoreError
 
 HOW_TO_MEND = "nothing tells what it said: look at it, then delete that line"
@@ -60,9 +61,18 @@ def carry(from_store: Path, to_store: Path, rows: Mapping[int, int]) -> int:
             new.append(change)
     if not new:
         return 0
-    lines = map(encode, heapq.merge(there, new, key=lambda change: change.when))
-    try:
-        replace_log(to_store, b"".join(lines))
-    except OSError as error:
-        raise StoreError(f"{to_store / FOLDER} cannot be written: {error.strerror}") from None
+    write_log(to_store, heapq.merge(there, new, key=lambda change: change.when))
     return len(new)
+
+
+def write_log(store: Path, changes: Iterable[Change]) -> None:
+    """Write the log of a store that is being made, which no other process uses yet.
+
+    Raises:
+        StoreError: if the disk fails.
+        LimitError: if readers would refuse the log.
+    """
+    try:
+        replace_log(store, b"".join(map(encode, changes)))
+    except OSError as error:
+        raise StoreError(f"{store / FOLDER} cannot be written: {error.strerror}") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.annotations.records import Annotation, Change, Mark
 
 
@@ -35,6 +36,31 @@ def fold_in(annotations: dict[int, Annotation], changes: Iterable[Change]) -> li
         else:
             annotations[row] = after
     return effective
+
+
+def unfold(annotation: Annotation) -> list[Change]:
+    """Return changes that make the annotation of nothing; ``fold`` is the inverse.
+
+    All of them have the time and the person of its last change.
+    """
+    values: list[tuple[str, Any]] = [
+        *(("tag", tag) for tag in annotation.tags),
+        ("note", annotation.note),
+        ("quality", annotation.quality),
+        ("outcome", annotation.outcome),
+        *(("mark", to_plain(mark)) for mark in annotation.marks),
+    ]
+    return [
+        Change(
+            when=annotation.changed,
+            who=annotation.by,
+            row=annotation.row,
+            kind=kind,
+            value=value,
+        )
+        for kind, value in values
+        if value not in (None, "")
+    ]
 
 
 class _Standing:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from grasp_factory.errors import UnknownNameError, lookup
 from grasp_factory.writers.exporters.article import ARTICLE
 from grasp_factory.writers.exporters.base import (
     ExportContents,
@@ -50,12 +51,34 @@ EXPORTERS: Mapping[str, Exporter] = {
     )
 }
 
+NOT_OFFERED: Mapping[str, str] = {
+    "rlbench": (
+        "its loader unpickles its files, wants five cameras, and needs PyRep; take robomimic or"
+        " lerobot instead"
+    )
+}
+"""Formats that were asked for, and why they are not offered."""
+
+
+def exporter_named(name: str) -> Exporter:
+    """Return the exporter of a format.
+
+    Raises:
+        UnknownNameError: listing the formats, or saying why a format is not offered.
+    """
+    if name in NOT_OFFERED:
+        raise UnknownNameError(f"format {name} is not offered: {NOT_OFFERED[name]}")
+    return lookup(EXPORTERS, "format", name)
+
+
 __all__ = [
     "EXPORTERS",
+    "NOT_OFFERED",
     "ExportContents",
     "ExportFolder",
     "ExportJob",
     "ExportPart",
     "Exporter",
     "NoSettings",
+    "exporter_named",
 ]

@@ -90,7 +90,13 @@ def write_record(
         "settings": to_plain(job.settings),
         "episodes": len(episodes),
         "stores": [
-            {"name": source.path.name, "attributes": to_plain(source.attributes)}
+            {
+                "name": source.path.name,
+                "attributes": to_plain(source.attributes),
+                "label_thresholds": {
+                    name: to_plain(source.label_thresholds(name)) for name in source.labels
+                },
+            }
             for source in episodes.sources
         ],
         "arrays": sorted(episodes.fields),
@@ -110,13 +116,14 @@ def write_record(
 
 
 def _write_embedded(job: ExportJob) -> None:
-    """Write the meshes and models that the first store carries."""
-    for path in embedded_in(job.episodes.config):
-        data = read_embedded(job.episodes.sources[0].path, path)
-        if data is not None:
+    """Write the meshes and models that the stores carry; what several carry is the same."""
+    for source in job.episodes.sources:
+        for path in embedded_in(source.config):
             file = job.folder / EMBEDDED / path
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(data)
+            data = None if file.exists() else read_embedded(source.path, path)
+            if data is not None:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(data)
 
 
 def _labels(episodes: Selection) -> dict[str, list[str | None]]:

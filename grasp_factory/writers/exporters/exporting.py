@@ -16,7 +16,8 @@ from grasp_factory.core.output_folder import check_free, publish
 from grasp_factory.core.place import place_at
 from grasp_factory.core.place_tree import fsync_tree
 from grasp_factory.core.scratch_folder import scratch_folder
-from grasp_factory.errors import StoreError, UsageError, WorkerError
+from grasp_factory.core.serialization import is_integer
+from grasp_factory.errors import StoreError, UsageError, WorkerError, shown
 from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
 from grasp_factory.writers.exporters.export_record import episode_line, write_record
 from grasp_factory.writers.exporters.selection import EpisodeSource, Selection, select
@@ -61,12 +62,14 @@ def run_export(
 
     Raises:
         UsageError: for a place that is taken or cannot be written to, a missing library, rows
-            without an episode, datasets that differ in cameras or rates, or episodes that the
-            format cannot hold.
+            without an episode, datasets that differ in cameras or rates, a number of workers
+            below 1, or episodes that the format cannot hold.
         ConfigError: for a setting that is not valid.
         StoreError: if a dataset is damaged, or the disk fails or is full.
         WorkerError: if a worker process dies.
     """
+    if not is_integer(workers) or workers < 1:
+        raise UsageError(f"workers: got {shown(workers)}, valid: an integer from 1")
     exporter.check_libraries()
     record = exporter.settings(settings)
     check_free(out, "an export")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.core.schema import Field
 from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.errors import UsageError, shown
+from grasp_factory.writers.zarr.embedded import embedded_in
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 NO_LABEL = 255
@@ -71,6 +73,9 @@ class EpisodeSource(Protocol):
 
         Raises ``UsageError`` if this machine cannot build it.
         """
+
+    def label_thresholds(self, name: str) -> Mapping[str, float | None]:
+        """Return the thresholds that an added label was made with."""
 
     def label(self, name: str) -> NDArray[np.uint8]:
         """Return an added label's outcomes; rows added later have none, so it may be shorter."""
@@ -164,21 +169,45 @@ def select(chosen: Sequence[tuple[EpisodeSource, Sequence[int]]]) -> Selection:
         chosen: stores, each with its rows that hold an episode, each row once.
 
     Raises:
-        UsageError: if nothing is chosen, a row is out of range, chosen twice or without an
-            episode, or the stores differ in cameras, robot, rates or number of objects.
+        UsageError: if nothing is chosen, a store is named twice, a row is out of range, chosen
+            twice or without an episode, or the stores differ in cameras, robot, rates, number of
+            objects, or what they embed under one name.
     """
+    _check_named_once([source.path for source, _ in chosen])
     chosen = [(source, rows) for source, rows in chosen if len(rows)] or list(chosen[:1])
     for source, rows in chosen:
         _check_rows(source, rows)
     sources = tuple(source for source, _ in chosen)
     for other in sources[1:]:
         _check_alike(sources[0], other)
+    _check_embedded(sources)
     counts = [len(rows) for _, rows in chosen]
     return Selection(
         sources=sources,
         store=np.repeat(np.arange(len(sources)), counts),
         row=np.concatenate([np.asarray(rows, np.int64) for _, rows in chosen]),
     )
+
+
+def _check_named_once(stores: Sequence[Path]) -> None:
+    """Check that no store is named twice, also by another path."""
+    places = [os.path.realpath(store) for store in stores]
+    for k, store in enumerate(stores):
+        if places[k] in places[:k]:
+            raise UsageError(f"{store}: the store is named twice; name each store once")
+
+
+def _check_embedded(sources: Sequence[EpisodeSource]) -> None:
+    """Check that stores which embed an object set or a model of one name embed the same."""
+    known: dict[str, tuple[str, Path]] = {}
+    for source in sources:
+        for name, sha256 in embedded_in(source.config).items():
+            first, owner = known.setdefault(name, (sha256, source.path))
+            if first != sha256:
+                raise UsageError(
+                    f"{source.path}: {name} has another content than in {owner}: export the stores"
+                    " one by one"
+                )
 
 
 def _check_rows(source: EpisodeSource, rows: Sequence[int]) -> None:

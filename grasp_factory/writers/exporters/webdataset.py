@@ -66,11 +66,13 @@ def split(episodes: Selection, settings: WebDatasetSettings) -> list[range]:
 def write_part(job: ExportJob, part: ExportPart) -> None:
     """Write a tar file."""
     path = job.folder / f"episodes-{part.number:06d}.tar"
-    with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as tar:
+    with tarfile.open(path, "w") as tar:
         for place, episode in part.episodes:
             for suffix, data in sample(episode):
                 member = tarfile.TarInfo(f"{place:08d}.{suffix}")  # time 0, so that bytes repeat
                 member.size = len(data)
+                is_long = len(member.name.encode()) > tarfile.LENGTH_NAME
+                tar.format = tarfile.PAX_FORMAT if is_long else tarfile.USTAR_FORMAT
                 tar.addfile(member, io.BytesIO(data))
 
 
