@@ -29,7 +29,7 @@ def devices(name: str | None, as_json: bool) -> None:
     lists the settings of that driver with their defaults.
     """
     from grasp_factory.capture.devices import DEVICES
-    from grasp_factory.capture.devices.listing import device_facts, setting_facts
+    from grasp_factory.capture.devices.device_facts import device_facts, setting_facts
     from grasp_factory.errors import lookup
 
     if name is not None:
