@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
 from support.network_namespace import Namespace
+from support.places import REPOSITORY, TESTS
 
 LONGEST_S = 120
 
@@ -26,6 +28,7 @@ class TopicCommands:
         command = (sys.executable, "-m", module, *arguments)
         process = subprocess.Popen(
             self._namespace.command(*command),
+            env=os.environ | {"PYTHONPATH": f"{REPOSITORY}{os.pathsep}{TESTS}"},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
