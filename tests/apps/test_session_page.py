@@ -18,6 +18,8 @@ from support.session_run import ARM, CAMERA, IMU, WRENCH, SessionRun, device, re
 from grasp_factory.apps.session_page.session_pictures import picture
 from grasp_factory.capture.samples import CameraFrame, TactileReading, WrenchReading
 
+pytestmark = pytest.mark.soak
+
 SHOTS = os.environ.get("GRASP_FACTORY_SHOTS", "")
 """A folder for screenshots, to look at by eye."""
 DEVICES = {

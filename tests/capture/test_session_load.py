@@ -81,6 +81,7 @@ def test_a_disk_that_does_not_keep_up_drops_samples_and_counts_them_exactly(
     assert "the disk or the processor is too slow" in " ".join(session.said)
 
 
+@pytest.mark.soak
 def test_a_slow_fsync_does_not_hold_up_the_writer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -150,6 +151,7 @@ def test_a_folder_that_exists_is_not_touched(tmp_path: Path) -> None:
     assert list((tmp_path / "s").iterdir()) == []
 
 
+@pytest.mark.soak
 def test_a_demo_plays_an_episode_into_a_session(
     tmp_path: Path, run: Callable[..., tuple[int, str, str]]
 ) -> None:

@@ -72,6 +72,7 @@ def assert_equal_within(sample: Sample[Any], payload: Any, simulated: SimulatedD
 
 @every_device
 class TestDevice:
+    @pytest.mark.soak
     def test_every_sample_arrives_once_and_in_order_with_the_episodes_values(
         self, model: DeviceModel, whole: tuple[SimulatedDevice[Any], DeviceRun]
     ) -> None:

@@ -19,7 +19,7 @@ from grasp_factory.writers.exporters.images import depth_to_uint16
 
 CAMERA = "/cameras/front"
 START_NS = 10**9
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.soak]
 DRIVERS: dict[str, tuple[dict[str, Any], int]] = {
     "ros2_imu": ({"topic": "/imu/data"}, 768),
     "ros2_force_torque": ({"topic": "/wrist/wrench"}, 384),

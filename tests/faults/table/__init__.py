@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from faults.fault import Fault
-from faults.table import apps, making, objects, recordings, robots, simulation, stores
+from faults.table import apps, capture, making, objects, recordings, robots, simulation, stores
 
 FAULTS: tuple[Fault, ...] = (
     *robots.FAULTS,
@@ -13,4 +13,5 @@ FAULTS: tuple[Fault, ...] = (
     *stores.FAULTS,
     *making.FAULTS,
     *apps.FAULTS,
+    *capture.FAULTS,
 )
