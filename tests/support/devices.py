@@ -23,6 +23,8 @@ from grasp_factory.errors import GraspFactoryError
 
 PATIENCE_S = 30.0
 """For a machine under load; a test that passes waits for much less."""
+LOST_AFTER_S = 2.0
+"""A sample that has not come for so long does not come."""
 
 
 @cache
@@ -100,13 +102,18 @@ def played(model: DeviceModel, simulated: SimulatedDevice[Any], **settings: Any)
     """Return a run of a whole track, or of as much as was sent."""
     with running(model, simulated, **settings) as run:
         assert simulated.ended.wait(PATIENCE_S)
-        last = len(run.samples)
-        while True:  # what is on the way arrives
-            time.sleep(0.15)
-            if len(run.samples) == last:
-                break
-            last = len(run.samples)
+        _wait_for_what_is_on_the_way(run)
     return run
+
+
+def _wait_for_what_is_on_the_way(run: DeviceRun) -> None:
+    """Wait until each sent sample has come, or none has come for so long that it is lost."""
+    arrived, last = len(run.samples), time.monotonic()
+    while len(run.samples) < len(run.simulated.sent) and time.monotonic() - last < LOST_AFTER_S:
+        time.sleep(0.02)
+        if len(run.samples) != arrived:
+            arrived, last = len(run.samples), time.monotonic()
+    time.sleep(0.15)  # for one that was not sent
 
 
 def values(payload: Payload) -> Mapping[str, NDArray[Any]]:
