@@ -14,6 +14,7 @@ from grasp_factory.cli.capture_check import check
 from grasp_factory.cli.capture_collect import collect, topics
 from grasp_factory.cli.capture_demo import capture_demo
 from grasp_factory.cli.capture_devices import devices
+from grasp_factory.cli.capture_import import capture_import
 from grasp_factory.cli.capture_info import capture_info, capture_recover
 from grasp_factory.cli.capture_publish import publish
 from grasp_factory.cli.capture_run import capture_run
@@ -22,6 +23,7 @@ from grasp_factory.cli.params import Commands
 CAPTURE_COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     "Record a session": (capture_run, capture_demo, devices),
     "Check and protect a session": (capture_info, check, capture_recover, blur),
+    "Make a store": (capture_import,),
     "Use topics of ROS 2": (topics, publish, collect),
 }
 """Heading in the help to subcommands."""

@@ -13,6 +13,7 @@ import click
 
 from grasp_factory.cli.params import AS_JSON, STORE, Command, option, resolution
 from grasp_factory.cli.printing import print_json, say
+from grasp_factory.core.optional import require
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE, UsageError, shown
 
@@ -97,12 +98,26 @@ def _size(
     default=None,
     help="Show outcome and time below the images.  [default: caption]",
 )
+@option(
+    "--session",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path),
+    help="Session of a real episode: it is imported again instead of simulated.",
+)
 @AS_JSON
 @click.pass_context
 def replay(
-    ctx: click.Context, /, path: Path, index: int, video: Path | None, as_json: bool, **how: Any
+    ctx: click.Context,
+    /,
+    path: Path,
+    index: int,
+    video: Path | None,
+    *,
+    session: Path | None,
+    as_json: bool,
+    **how: Any,
 ) -> None:
-    """Simulate a stored episode again and compare the bytes.
+    """Make a stored episode again and compare the bytes.
 
     Simulates the episode with index INDEX of the store at PATH from its stored recipe. Exits with 0
     if the result has the same bytes, and with 1 otherwise. --video shows the stored episode.
@@ -112,9 +127,14 @@ def replay(
         raise UsageError(f"--{next(iter(given))} is for a video: add --video FILE.mp4")
     from grasp_factory.cli.replay_report import replay_text
     from grasp_factory.curation.replay import replay as run
+    from grasp_factory.curation.replay import replay_import
 
     plan = None if video is None else _plan(path, index, video, given)
-    result = run(path, index)
+    if session is None:
+        result = run(path, index)
+    else:
+        require("mcap", "rosbags", extra="privacy")
+        result = replay_import(path, index, session)
     made = None if plan is None else _write(plan)
     if as_json:
         facts = to_plain(result) | {"platform": result.platform}

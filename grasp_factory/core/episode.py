@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,10 +19,12 @@ from grasp_factory.core.config.quality import QualityConfig
 from grasp_factory.core.config.recording import check_recording
 from grasp_factory.core.config.scene import MAX_OBJECTS, WorkspaceConfig
 from grasp_factory.core.config.shake import ShakeConfig
+from grasp_factory.core.content_checksum import checksum
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.geometry import Array, Pose
 from grasp_factory.core.gripper import Gripper
 from grasp_factory.core.json_text import parsed
+from grasp_factory.core.recording_source import RecordingSource
 from grasp_factory.core.schema import FIELDS
 from grasp_factory.core.sensors import series_groups
 from grasp_factory.core.serialization import check, check_range, from_plain, to_plain
@@ -42,11 +43,11 @@ class ObjectSpec:
     """The kind of shape."""
     split: str
     """train, val or test; it depends on the object, not on the episode."""
-    mass: float
-    """kg."""
-    lateral_friction: float
+    mass: float | None
+    """kg; None, as the next two, if it was not measured: of a real object."""
+    lateral_friction: float | None
     """Coulomb coefficient; a contact has the product of both bodies' coefficients."""
-    drop_pose: Pose
+    drop_pose: Pose | None
     """Pose of the object's frame in the world frame when it starts to fall."""
     folder_sha256: str = ""
     """SHA-256 of the contents of a user's folder of objects; empty for built-in objects."""
@@ -61,18 +62,21 @@ class ObjectSpec:
     """An id of ``textures``; empty for the model's own appearance."""
 
     def __post_init__(self) -> None:
-        check_range(self, "mass", 1e-6, 1000.0, "kg")
-        check_range(self, "lateral_friction", 0.0, 100.0)
+        if self.mass is not None:
+            check_range(self, "mass", 1e-6, 1000.0, "kg")
+        if self.lateral_friction is not None:
+            check_range(self, "lateral_friction", 0.0, 100.0)
         check_range(self, "scale", 0.01, 100.0)
         check_range(self, "linear_damping", 0.0, 1.0)
         check_range(self, "angular_damping", 0.0, 1.0)
-        is_near = all(abs(x) <= 100.0 for x in self.drop_pose.position)
-        check(is_near, "drop_pose", self.drop_pose.position, "within 100 m of the origin")
+        if self.drop_pose is not None:
+            is_near = all(abs(x) <= 100.0 for x in self.drop_pose.position)
+            check(is_near, "drop_pose", self.drop_pose.position, "within 100 m of the origin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeSpec:
-    """The complete recipe of one episode: running it always makes the same bytes."""
+    """The complete recipe of one episode: running it, or importing it, makes the same bytes."""
 
     index: int
     seed: int
@@ -95,6 +99,8 @@ class EpisodeSpec:
     shake: ShakeConfig
     label: LabelConfig
     quality: QualityConfig
+    recording: RecordingSource | None = None
+    """What a real episode was cut from; None for a simulated one."""
 
     def __post_init__(self) -> None:
         check_range(self, "seed", 0, 2**63 - 1)
@@ -102,6 +108,13 @@ class EpisodeSpec:
         count = len(self.objects)
         check(1 <= count <= MAX_OBJECTS, "objects", count, f"1 to {MAX_OBJECTS} objects")
         check_recording(self)
+        known = [(each.mass, each.lateral_friction, each.drop_pose) for each in self.objects]
+        ok = self.recording is not None or not any(None in each for each in known)
+        check(ok, "objects", "null", "mass, friction and drop_pose, unless of a real object")
+
+    @property
+    def capture(self) -> None:
+        """None: real devices have no rate of their own in a recipe."""
 
     @property
     def imu_rate(self) -> int:
@@ -110,7 +123,10 @@ class EpisodeSpec:
 
     def to_json(self) -> str:
         """Return the recipe as canonical JSON."""
-        return json.dumps(to_plain(self), sort_keys=True, separators=(",", ":"))
+        plain = to_plain(self)
+        if self.recording is None:
+            del plain["recording"]
+        return json.dumps(plain, sort_keys=True, separators=(",", ":"))
 
     @classmethod
     def from_json(cls, text: str) -> EpisodeSpec:
@@ -211,6 +227,11 @@ class Episode:
     """Time series at other rates, by group in the store (``sensors.py``), without padding."""
 
     @property
+    def is_real(self) -> bool:
+        """True if it was recorded with real devices."""
+        return self.spec.recording is not None
+
+    @property
     def success(self) -> bool:
         """True if the outcome is success: the target was held through lift, hold and shake."""
         return self.outcome is Outcome.SUCCESS
@@ -271,26 +292,6 @@ class Episode:
     def checksum(self) -> str:
         """Return the ``checksum`` (SHA-256 in hex) of the episode's contents."""
         return checksum(self.contents())
-
-
-def checksum(contents: Mapping[str, NDArray[Any]]) -> str:
-    """Return the SHA-256 (hex) of the names, types, shapes and bytes of an episode's contents.
-
-    It does not depend on padding, chunking or compression.
-    """
-    digest = hashlib.sha256()
-    for path, array in sorted(contents.items()):
-        kind = "string" if array.dtype.kind == "U" else array.dtype.newbyteorder("<").str
-        digest.update(f"{path} {kind} {array.shape}\n".encode())
-        digest.update(content_bytes(array))
-    return digest.hexdigest()
-
-
-def content_bytes(array: NDArray[Any]) -> bytes | memoryview:
-    """Return the bytes of an array of an episode's contents; strings are joined by NUL."""
-    if array.dtype.kind == "U":
-        return "\0".join(array.ravel().tolist()).encode()
-    return np.ascontiguousarray(array).data
 
 
 _COLUMN_DTYPES = {row.path: row.dtype for row in FIELDS if row.dtype != "string"}

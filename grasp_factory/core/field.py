@@ -30,6 +30,10 @@ class Field:
     """Fill value of an integer array; not 0 where 0 is a valid value."""
     gaps: bool = False
     """Whether recorded values may be NaN, which means that there is no value."""
+    is_real: bool = False
+    """Whether only stores that may hold real episodes have it (``FactoryConfig.capture``)."""
+    always: bool = False
+    """Whether its values are also known of a real episode, of which most others may be NaN."""
     length_column: str = ""
     """For time series, which are padded: path of the column with the valid length; else empty."""
 
@@ -41,6 +45,14 @@ class Field:
         if self.dtype == "bool":
             return False
         return float("nan") if self.dtype.startswith("float") else self.empty
+
+    def may_be_nan(self, *, is_real: bool) -> bool:
+        """Return whether a recorded value may be NaN: of a real episode, what was not measured.
+
+        Args:
+            is_real: whether the row holds a real episode.
+        """
+        return not self.always if is_real else self.gaps
 
     @property
     def is_image(self) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.real_columns import is_real
 from grasp_factory.core.schema import Field
 
 
@@ -18,9 +19,11 @@ def non_finite(contents: Mapping[str, NDArray[Any]], fields: Iterable[Field]) ->
 
     Args:
         contents: An episode's arrays by path, unpadded.
-        fields: The fields of the store; ``Field.gaps`` is true where NaN means a gap.
+        fields: The fields of the store, which say where NaN means a gap: in a real episode also
+            what was not measured.
     """
-    with_gaps = {field.path for field in fields if field.gaps}
+    real = is_real(contents)
+    with_gaps = {field.path for field in fields if field.may_be_nan(is_real=real)}
     for path, values in contents.items():
         if values.dtype.kind != "f" or np.isfinite(values).all():
             continue

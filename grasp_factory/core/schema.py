@@ -14,13 +14,15 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Outcome, label_names, names
 from grasp_factory.core.field import LABELS, Field
 from grasp_factory.core.field import field as _f
+from grasp_factory.core.real_columns import REAL_COLUMNS
+from grasp_factory.core.real_series import REAL_SERIES
 from grasp_factory.core.sensors import (
     MAX_CONTACTS,
     SENSORS,
     STREAMS,
-    SeriesGroup,
     series_groups,
 )
+from grasp_factory.core.series_group import SeriesGroup
 
 __all__ = [
     "CHECKSUM",
@@ -65,7 +67,9 @@ NOT_IN_AN_EPISODE = (STATUS.path, CHECKSUM.path, DIGESTS.path, FINGERPRINT.path,
 
 
 def _length(group: SeriesGroup) -> Field:
-    return _f(group.length_column, (), "int32", f"valid length of {group.title}")
+    return _f(
+        group.length_column, (), "int32", f"valid length of {group.title}", is_real=group.is_real
+    )
 
 
 def _fields_of(group: SeriesGroup) -> Iterator[Field]:
@@ -89,7 +93,7 @@ FIELDS: tuple[Field, ...] = (
        empty=-1),
     _f("episodes/index", (), "int64", "index of the recipe under that seed; in a store that"
        " generate made it is the row's number", empty=-1),
-    *(_length(group) for group in series_groups()),
+    *(_length(group) for group in series_groups() if not group.is_real),
     _f("episodes/object_id", (), "string", "target object"),
     _f("episodes/object_set", (), "string", "set that the target comes from"),
     _f("episodes/object_family", (), "string", "kind of shape of the target: box, mug, blob"),
@@ -170,6 +174,9 @@ FIELDS: tuple[Field, ...] = (
     *_fields_of(STREAMS),
     STREAMS.series("reward", (), "float32", "1 on the last record of a success, else 0"),
     *(row for group in series_groups() if group is not STREAMS for row in _fields_of(group)),
+    *REAL_COLUMNS,
+    *(_length(group) for group in series_groups() if group.is_real),
+    *REAL_SERIES,
 )  # fmt: skip
 
 
@@ -186,16 +193,21 @@ def sizes(config: FactoryConfig, joints: int) -> Mapping[str, int]:
 def scene_sizes(config: FactoryConfig) -> dict[str, int]:
     """Return the lengths of the dimensions of images and objects, the same in every version."""
     width, height = config.resolution
-    return {"M": config.clutter.count, "H": height, "W": width}
+    scene = {"M": config.clutter.count, "H": height, "W": width}
+    if config.capture:
+        scene |= {"X": config.capture.taxel_rows, "Y": config.capture.taxel_columns}
+    return scene
 
 
 def expand(config: FactoryConfig) -> tuple[Field, ...]:
     """Return the fields of a config's store.
 
-    Fields of cameras are repeated for each camera; groups with rate 0 are left out.
+    Fields of cameras are repeated for each camera; groups with rate 0 are left out, and so is what
+    only real episodes have, unless the config has room for these.
     """
     absent = tuple(group for group in series_groups() if not group.rate(config))
-    return _expand(tuple(config.cameras), config.clutter.count, absent)
+    may_be_real = config.capture is not None
+    return _expand(tuple(config.cameras), config.clutter.count, absent, may_be_real)
 
 
 def digested(fields: Iterable[Field]) -> tuple[str, ...]:
@@ -205,13 +217,17 @@ def digested(fields: Iterable[Field]) -> tuple[str, ...]:
 
 @lru_cache
 def _expand(
-    cameras: tuple[str, ...], objects: int, absent: tuple[SeriesGroup, ...]
+    cameras: tuple[str, ...],
+    objects: int,
+    absent: tuple[SeriesGroup, ...],
+    may_be_real: bool,
 ) -> tuple[Field, ...]:
     labels = tuple(label_names(objects))
     out: list[Field] = []
     for camera in ("", *cameras):
         for row in FIELDS:
-            if any(_is_of(row, group) for group in absent):
+            is_absent = row.is_real and not may_be_real
+            if is_absent or any(_is_of(row, group) for group in absent):
                 continue
             if ("{camera}" in row.path) is bool(camera):
                 words = labels if row.names == LABELS else row.names
@@ -233,6 +249,8 @@ def dimension_names() -> Mapping[str, str]:
         "A": "array",
         "H": "row",
         "W": "column",
+        "X": "taxel_row",
+        "Y": "taxel_column",
     }
 
 

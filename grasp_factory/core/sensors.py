@@ -7,13 +7,13 @@ module does not import the classes: reading and checking a store needs no simula
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
-from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.enums import Phase, names
-from grasp_factory.core.field import LABELS, Field, field
+from grasp_factory.core.field import LABELS, Field
+from grasp_factory.core.real_series import REAL_GROUPS
+from grasp_factory.core.series_group import SeriesGroup
 
 if TYPE_CHECKING:
     from grasp_factory.core.config.factory_config import FactoryConfig
@@ -24,73 +24,6 @@ _PHASES = tuple(names(Phase))
 _PAD = "pad: origin at the pad's centre, axes parallel to the TCP frame's"
 _IMU = "imu: at the wrist flange, axes parallel to the TCP frame's"
 _SENSOR = "ft_sensor: at the wrist flange, axes parallel to the TCP frame's"
-
-
-class Rates(Protocol):
-    """The settings that a rate may depend on; both configs and recipes have them."""
-
-    @property
-    def record_hz(self) -> int:
-        """Rate of the streams, Hz."""
-
-    @property
-    def imu_rate(self) -> int:
-        """Rate of the IMU, Hz."""
-
-    @property
-    def video_hz(self) -> int:
-        """Rate of the videos, Hz; 0 for no videos."""
-
-    @property
-    def physics(self) -> PhysicsConfig:
-        """Rates of the simulation steps."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SeriesGroup:
-    """Time series that share a clock: a group of the store, with the array ``timestamp``."""
-
-    name: str
-    """Path of the group in the store."""
-    title: str
-    """What the length column counts, as in "valid length of the streams"."""
-    dim: str
-    """Letter of the sample dimension in ``Field.dims``; no other group or dimension uses it."""
-    dimension_name: str
-    """Name of that dimension in the store's arrays."""
-    count: str
-    """Name of the column with the number of samples."""
-    rate: Callable[[Rates], int]
-    """Returns samples per second, a divisor of both physics rates; 0 to leave the group out."""
-    capacity: Callable[[FactoryConfig], int] | None = None
-    """Returns the largest number of samples of an attempt.
-
-    None for the rate times the longest attempt.
-    """
-
-    @property
-    def length_column(self) -> str:
-        """Path of the column with the number of samples."""
-        return f"episodes/{self.count}"
-
-    def longest(self, config: FactoryConfig) -> int:
-        """Return an upper bound for the number of samples of an attempt."""
-        if self.capacity:
-            return self.capacity(config)
-        return math.ceil(config.longest_s * self.rate(config))
-
-    def series(
-        self, name: str, dims: tuple[str | int, ...], dtype: str, description: str, **more: Any
-    ) -> Field:
-        """Return the field of a time series, whose samples have the dimensions ``dims``."""
-        path, length = f"{self.name}/{name}", self.length_column
-        return field(path, (self.dim, *dims), dtype, description, length_column=length, **more)
-
-    def constant(
-        self, name: str, dims: tuple[str | int, ...], dtype: str, description: str, **more: Any
-    ) -> Field:
-        """Return the field of an array that has one value per attempt."""
-        return field(f"{self.name}/{name}", dims, dtype, description, **more)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +38,13 @@ class SensorModel:
     """The arrays that it records. One sensor of each group records ``timestamp``."""
     implementation: str
     """``module:class`` of the ``Sensor``."""
+
+
+def _imu_capacity(config: FactoryConfig) -> int:
+    # A whole number of samples for each record, because the shapes of stores depend on it.
+    simulated = config.longest_attempt * config.imu_rate // config.record_hz
+    real = config.capture.imu_hz if config.capture else 0
+    return max(simulated, math.ceil(config.longest_s * real))
 
 
 STREAMS = SeriesGroup(
@@ -122,8 +62,7 @@ IMU = SeriesGroup(
     dimension_name="imu_step",
     count="n_imu",
     rate=lambda rates: rates.imu_rate,
-    # A whole number of samples for each record, because the shapes of stores depend on it.
-    capacity=lambda config: config.longest_attempt * config.imu_rate // config.record_hz,
+    capacity=_imu_capacity,
 )
 VIDEOS = SeriesGroup(
     name="videos",
@@ -143,7 +82,7 @@ CLOCK = SensorModel(
     implementation=f"{_HERE}.clock:Clock",
     fields=(
         STREAMS.series("timestamp", (), "float64", "simulation time since the arm started",
-                       units="s"),
+                       units="s", always=True),
         STREAMS.series("phase", (), "uint8", "part of the attempt", names=_PHASES, empty=255),
         STREAMS.series("shake_level", (), "float64", "level of the shake, 0 outside of it",
                        units="9.80665 m/s2"),
@@ -226,7 +165,8 @@ WRIST_IMU = SensorModel(
     group=IMU,
     implementation=f"{_HERE}.imu:WristImu",
     fields=(
-        IMU.series("timestamp", (), "float64", "simulation time, the streams' clock", units="s"),
+        IMU.series("timestamp", (), "float64", "simulation time, the streams' clock", units="s",
+                   always=True),
         IMU.series("specific_force", (3,), "float32",
                    "acceleration less gravity, mean since the sample before; at rest 9.81 upwards",
                    units="m/s2", frame=_IMU),
@@ -242,7 +182,7 @@ VIDEO = SensorModel(
     implementation=f"{_HERE}.video:VideoRecorder",
     fields=(
         VIDEOS.series("timestamp", (), "float64",
-                      "simulation time, the streams' clock (--video-hz)", units="s"),
+                      "simulation time, the streams' clock (--video-hz)", units="s", always=True),
         VIDEOS.series("{camera}/rgb", ("H", "W", 3), "uint8", "the attempt, frame by frame"),
         VIDEOS.series("{camera}/T_world_camera", (4, 4), "float64",
                       "camera pose at each frame, OpenCV axes", units="m", frame="world"),
@@ -257,5 +197,6 @@ SENSORS: dict[str, SensorModel] = {
 
 
 def series_groups() -> tuple[SeriesGroup, ...]:
-    """Return the groups of all sensors, each once, in the sensors' order."""
-    return tuple(dict.fromkeys(model.group for model in SENSORS.values()))
+    """Return the groups of all sensors, each once, in the sensors' order; the real ones last."""
+    simulated = dict.fromkeys(model.group for model in SENSORS.values())
+    return (*simulated, *REAL_GROUPS)

@@ -16,6 +16,7 @@ from grasp_factory.core.platforms import (
     meaning,
     parsed,
 )
+from grasp_factory.core.simulated_row import with_room_for_real
 from grasp_factory.curation import isolation
 from grasp_factory.curation.episode_distance import (
     Arrays,
@@ -24,12 +25,14 @@ from grasp_factory.curation.episode_distance import (
     first_different,
 )
 from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.row_reader import RowReader
 from grasp_factory.dataset.selection import check_index
-from grasp_factory.errors import RecipeError, StoreError
+from grasp_factory.errors import RecipeError, StoreError, UsageError
 from grasp_factory.factory import embedded_assets
 from grasp_factory.simulation.fingerprint import fingerprint
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
+from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.made_with import changed_since, changed_versions
 
@@ -58,10 +61,14 @@ class Replay:
     """Parts in which these two differ."""
     distance: EpisodeDistance | None
     """How far apart the two episodes are; None if they are the same, or one is quarantined."""
+    is_imported: bool = False
+    """Whether a real episode was imported again from its session."""
 
     @property
     def platform(self) -> str:
         """One line on how the platform affects the result; empty if there is nothing to report."""
+        if self.is_imported:
+            return ""
         if not self.fingerprint:
             what = "the store does not tell which platform made the episode"
             return f"{what}: whether bytes must be the same here is not known"
@@ -99,10 +106,70 @@ def replay(path: Path, index: int) -> Replay:
     return result
 
 
+def replay_import(path: Path, index: int, session: Path) -> Replay:
+    """Import one real episode again from its session, and compare.
+
+    A process with limits reads the session.
+
+    Raises:
+        UsageError: for an index that the store does not have, or a simulated episode.
+        CaptureError: if it is another session, or a damaged one.
+        StoreError: if the stored episode is damaged.
+    """
+    from grasp_factory.capture.importing.importing_store import import_again  # noqa: PLC0415
+
+    dataset = Dataset.open(path)
+    index = check_index(dataset, index)
+    spec = dataset.spec(index)
+    if spec.recording is None:
+        raise UsageError(f"episode {index} of {path} is simulated: replay it without --session")
+    stored = _stored(dataset, index)
+    again = import_again(session, spec, dataset.config)
+    before: Arrays = stored.contents() if isinstance(stored, Episode) else {}
+    after: Arrays = again.contents() if isinstance(again, Episode) else {}
+    recorded, replayed = _words(stored), _words(again)
+    difference = first_different(before, after)
+    changed = tuple(changed_since(dataset.attributes))
+    return Replay(
+        index=index,
+        same=not difference and recorded == replayed,
+        recorded=recorded,
+        replayed=replayed,
+        difference=difference,
+        changed=changed,
+        has_other_versions=bool(changed_versions(dataset.attributes)),
+        fingerprint="",
+        here="",
+        differing=(),
+        distance=_distance(stored, again) if difference else None,
+        is_imported=True,
+    )
+
+
+def _stored(dataset: Dataset, index: int) -> Episode | Quarantined:
+    """Return a row as it is stored.
+
+    Raises:
+        StoreError: if it is damaged.
+    """
+    (row,) = RowReader(dataset.path).read(index, index + 1)
+    return row.content
+
+
+def _distance(a: Episode | Quarantined, b: Episode | Quarantined) -> EpisodeDistance | None:
+    is_pair = isinstance(a, Episode) and isinstance(b, Episode)
+    return episode_distance(a, b) if is_pair else None  # type: ignore[arg-type]
+
+
+def _words(row: Episode | Quarantined) -> str:
+    return row.outcome.name.lower() if isinstance(row, Episode) else row.reason
+
+
 def replay_here(path: Path, index: int, report: SendMessage = _ignore) -> Replay:
     """Do as ``replay`` does, in this process. Nothing is reported."""
     dataset = Dataset.open(path)
     index = check_index(dataset, index)
+    check_simulated(dataset, index)
     embedded_assets.unpack(path, dataset.config)
     known, here = made_on(dataset, index), fingerprint(dataset.config)
     quarantined = dataset.status[index] == 2
@@ -117,7 +184,8 @@ def replay_here(path: Path, index: int, report: SendMessage = _ignore) -> Replay
         before, recorded = stored.contents(), stored.outcome.name.lower()
     try:
         with World(dataset.config.renderer) as world:
-            again = run_episode(world, dataset.spec(index))
+            made = run_episode(world, dataset.spec(index))
+        again = with_room_for_real(made, dataset.config)
         after, replayed = again.contents(), again.outcome.name.lower()
         if before:  # a store from before a sensor was added lacks its arrays
             after = {path: values for path, values in after.items() if path in before}
@@ -137,6 +205,20 @@ def replay_here(path: Path, index: int, report: SendMessage = _ignore) -> Replay
         differing=differing(known, here) if known else (),
         distance=episode_distance(stored, again) if difference and stored and again else None,
     )
+
+
+def check_simulated(dataset: Dataset, index: int) -> None:
+    """Check that a row can be simulated again.
+
+    Raises:
+        UsageError: for a real episode, which needs its session.
+    """
+    source = dataset.spec(index).recording
+    if source is not None:
+        raise UsageError(
+            f"episode {index} of {dataset.path} is a real one: add --session FOLDER, the session"
+            f" {source.session} that it was imported from"
+        )
 
 
 def made_on(dataset: Dataset, index: int) -> Fingerprint | None:

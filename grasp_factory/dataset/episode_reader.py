@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.episode import Episode, checksum
+from grasp_factory.core.content_checksum import checksum
+from grasp_factory.core.episode import Episode
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.plausible import check_plausible
 from grasp_factory.dataset.row_codec import Row, assemble, read_rows

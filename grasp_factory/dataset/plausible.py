@@ -12,6 +12,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.elementary import LARGEST_ANGLE
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.geometry import Array
+from grasp_factory.core.real_columns import SOURCE, UNKNOWN, Source
 from grasp_factory.core.serialization import check, is_number
 
 LARGEST_FOCAL = 1e7
@@ -31,19 +32,15 @@ def check_plausible(episode: Episode, config: FactoryConfig) -> None:
         ConfigError: naming what no recorded episode has.
     """
     check_recipe(episode.spec, config)
-    for name, codes in _coded(config).items():
-        if name in episode.columns:
-            code = episode.columns[name]
-            check(code < codes, name, int(code), f"below {codes}")
-
-
-def _coded(config: FactoryConfig) -> dict[str, int]:
-    """Return the number of codes of each coded column."""
-    return {
-        field.path.removeprefix("episodes/"): len(field.names)
-        for field in schema.expand(config)
-        if field.names and field.path.startswith("episodes/")
-    }
+    for field in schema.expand(config):
+        group, _, name = field.path.partition("/")
+        if field.names and group == "episodes" and name in episode.columns:
+            code, codes = episode.columns[name], len(field.names)
+            may_lack = field.path != SOURCE and (field.is_real or episode.is_real)
+            is_known = code < codes or (may_lack and code == UNKNOWN)
+            check(is_known, name, int(code), f"below {codes}")
+    is_same = episode.columns.get("source", Source.SIMULATED) == int(episode.is_real)
+    check(is_same, "source", "another origin than the recipe's", "that of the recipe")
 
 
 def check_recipe(spec: EpisodeSpec, config: FactoryConfig) -> None:

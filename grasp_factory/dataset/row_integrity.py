@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
-from grasp_factory.core.episode import checksum
+from grasp_factory.core.content_checksum import checksum
 from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.digests import digest

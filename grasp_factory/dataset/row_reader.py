@@ -8,7 +8,8 @@ from pathlib import Path
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core.content_checksum import checksum
+from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.dataset.row_codec import Row, assemble, read_rows
 from grasp_factory.dataset.row_integrity import is_valid_fingerprint, must_have_fingerprints
 from grasp_factory.errors import StoreError

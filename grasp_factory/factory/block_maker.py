@@ -13,6 +13,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.os_errors import HOW_TO_CONTINUE, MACHINE_ERRNOS, NO_THREAD
+from grasp_factory.core.simulated_row import with_room_for_real
 from grasp_factory.dataset.row_reader import RowReader, StoredRow
 from grasp_factory.errors import LimitError, RecipeError, StoreError
 from grasp_factory.factory.block_job import (
@@ -102,7 +103,7 @@ class BlockMaker:
         if lost:
             return Quarantined(spec, lost)
         try:
-            return run_episode(self._world, spec)
+            return with_room_for_real(run_episode(self._world, spec), self._config)
         except RecipeError as error:
             _raise_if_machine_failed(error.__context__, spec.index)
             return Quarantined(spec, str(error))

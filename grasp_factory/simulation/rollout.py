@@ -54,6 +54,11 @@ def run_episode(world: World, spec: EpisodeSpec) -> Episode:
             less than the recipe asks for.
         UnknownNameError: if the recipe has a name that is not in the tables.
     """
+    if spec.recording is not None:
+        raise RecipeError(
+            f"episode {spec.index} was recorded with real devices: import its session"
+            f" {spec.recording.session} again, it cannot be simulated"
+        )
     scene = build_scene(world, spec)
     object_com = np.array([world.inertial_frame(body).position for body in scene.objects])
     settled = settle(scene)

@@ -84,14 +84,16 @@ def build_scene(world: World, spec: EpisodeSpec) -> Scene:
 
 def _load_object(world: World, recipe: ObjectSpec) -> int:
     model = find_set(recipe.object_set, recipe.folder_sha256).model(recipe.object_id)
-    pose, color = recipe.drop_pose, recipe.color or model.color
+    pose, mass, color = recipe.drop_pose, recipe.mass, recipe.color or model.color
+    if pose is None or mass is None:
+        raise RecipeError(f"{recipe.object_id} is a real object and cannot be simulated")
     if isinstance(model.body, UrdfFile):
         path = DATA / model.body.path
         scale = model.body.scale * recipe.scale
         body = world.load_urdf(path, pose, fixed=False, scale=scale)
-        world.change_dynamics(body, -1, mass=recipe.mass)
+        world.change_dynamics(body, -1, mass=mass)
     else:
-        body = world.add_compound(model.body, pose, mass=recipe.mass, scale=recipe.scale)
+        body = world.add_compound(model.body, pose, mass=mass, scale=recipe.scale)
     world.change_dynamics(
         body,
         -1,

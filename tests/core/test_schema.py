@@ -33,7 +33,8 @@ class TestFields:
     @pytest.mark.parametrize("row", FIELDS, ids=IDS)
     def test_every_row_is_complete_and_readable(self, row: Field) -> None:
         assert re.fullmatch(
-            r"(episodes|streams|imu|videos|(cameras|videos)/\{camera\})/\w+", row.path
+            r"(episodes|streams|imu|videos|force_torque|joints|taxels|(cameras|videos)/\{camera\})/\w+",
+            row.path,
         )
         assert row.description
         if row.dtype != "string":
@@ -85,8 +86,9 @@ class TestFields:
 class TestExpand:
     def test_every_camera_has_every_camera_row_and_the_rest_is_there_once(self) -> None:
         paths = [row.path for row in expand(CONFIG)]
-        per_camera = [path for path in IDS if "{camera}" in path]
-        expected = [path for path in IDS if "{camera}" not in path]
+        simulated = [row.path for row in FIELDS if not row.is_real]
+        per_camera = [path for path in simulated if "{camera}" in path]
+        expected = [path for path in simulated if "{camera}" not in path]
         for camera in CAMERAS:
             expected += [path.format(camera=camera) for path in per_camera]
         assert sorted(paths) == sorted(expected)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from grasp_factory.core.config.cameras import CAMERAS, CameraConfig
+from grasp_factory.core.config.capture import CaptureConfig
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PhysicsConfig
@@ -107,6 +108,8 @@ class FactoryConfig:
     label: LabelConfig = field(default_factory=LabelConfig)
     quality: QualityConfig = field(default_factory=QualityConfig)
     randomize: RandomizeConfig = field(default_factory=RandomizeConfig)
+    capture: CaptureConfig | None = None
+    """Room for real episodes; without it, a store holds simulated ones alone."""
 
     def __post_init__(self) -> None:
         try:
@@ -126,7 +129,7 @@ class FactoryConfig:
         self._check_textures()
         if self.video_hz:
             self._check_video()
-        for group in series_groups():
+        for group in (group for group in series_groups() if not group.is_real):
             check_divides(self.physics, f"rate of {group.name}", group.rate(self) or 1)
         self._check_randomize()
         valid = f"less than motion.lift_height ({self.motion.lift_height})"
@@ -206,7 +209,8 @@ class FactoryConfig:
         motions = len(Phase) + SHAKE_MOTIONS * len(self.shake.levels)
         rounding = motions / self.physics.control_hz
         slowest = self.motion.scaled(1.0, self.randomize.gripper.speed[0])
-        return slowest.longest_s + self.shake.longest_s(self.physics.control_hz) + rounding
+        simulated = slowest.longest_s + self.shake.longest_s(self.physics.control_hz) + rounding
+        return max(simulated, self.capture.longest_s) if self.capture else simulated
 
     @property
     def longest_attempt(self) -> int:
@@ -229,8 +233,14 @@ class FactoryConfig:
         return from_plain(cls, data)
 
     def to_plain(self) -> dict[str, Any]:
-        """Return the config as nested dicts, lists and scalars."""
-        return dict(to_plain(self))
+        """Return the config as nested dicts, lists and scalars; without ``capture`` if it has none.
+
+        So a config of simulated episodes alone has the same SHA-256 as before real ones were known.
+        """
+        plain = dict(to_plain(self))
+        if self.capture is None:
+            del plain["capture"]
+        return plain
 
     def sha256(self) -> str:
         """Return the SHA-256 (hex) of the config, which a store keeps to identify its config."""

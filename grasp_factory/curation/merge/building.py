@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.content_checksum import checksum
+from grasp_factory.core.episode import Episode
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.core.simulated_row import with_room_for_real
 from grasp_factory.curation.merge.annotation_transfer import carry_annotations, check_annotations
 from grasp_factory.curation.merge.label_transfer import carried_labels
 from grasp_factory.curation.merge.provenance import SeedSource
@@ -36,7 +40,6 @@ class Order:
 
     place: StagedStore
     sources: Sequence[SourceStore]
-    """The first one's config and root attributes become those of the result."""
     plan: RowPlan
     seeds: tuple[SeedSource, ...]
     repeats: tuple[RowPlan, RowPlan]
@@ -44,6 +47,20 @@ class Order:
     is_plain: bool
     """Whether row i is episode i of one seed."""
     warnings: tuple[str, ...] = ()
+
+    @property
+    def base(self) -> SourceStore:
+        """The store whose config and root attributes become those of the result.
+
+        It is the first one that may hold real episodes, or the first of all.
+        """
+        return base_of(self.sources)
+
+
+def base_of(sources: Sequence[SourceStore]) -> SourceStore:
+    """Return the store that a result is made like; see ``Order.base``."""
+    real = (source for source in sources if source.config.capture is not None)
+    return next(real, sources[0])
 
 
 def build(
@@ -63,7 +80,7 @@ def build(
             fails. Nothing is left then.
         UsageError: if the store cannot be written at its path.
     """
-    first, plan = order.sources[0], order.plan
+    first, plan = order.base, order.plan
     labels, left_out = carried_labels(order.sources, plan)
     check_annotations(order.sources)
     carried = {name: _carried(order.sources, name) for name in embedded_in(first.config)}
@@ -104,7 +121,7 @@ def build(
 
 
 def _attributes(order: Order) -> dict[str, Any]:
-    attributes = {k: v for k, v in order.sources[0].attributes.items() if k != SOURCES}
+    attributes = {k: v for k, v in order.base.attributes.items() if k != SOURCES}
     if order.is_plain:
         return attributes
     return attributes | {SOURCES: to_plain(order.seeds)}
@@ -186,7 +203,17 @@ def _rows(order: Order, plan: RowPlan) -> Iterator[StoredRow]:
                     f"{source.path}: row {i} holds episode {spec.index} of seed {spec.seed}, not"
                     f" {recipe[1]} of {recipe[0]}; {mending(source.path)}"
                 )
-            yield row
+            yield _fitting(row, order.base.config)
+
+
+def _fitting(row: StoredRow, config: FactoryConfig) -> StoredRow:
+    """Return a row with the arrays of the result: a simulated one has no real samples."""
+    if not isinstance(row.content, Episode):
+        return row
+    content = with_room_for_real(row.content, config)
+    if content is row.content:
+        return row
+    return replace(row, content=content, checksum=checksum(content.contents()))
 
 
 def _not_as_written(path: Path, what: str) -> StoreError:

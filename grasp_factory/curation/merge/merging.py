@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from grasp_factory.curation.merge.building import Order, build
+from grasp_factory.curation.merge.building import Order, base_of, build
 from grasp_factory.curation.merge.platform_check import check_platforms
 from grasp_factory.curation.merge.provenance import (
     Maker,
@@ -33,11 +33,14 @@ def merge(
 
     If all stores are parts of one seed's dataset, the result is that dataset, and each row keeps
     its number. Otherwise the rows are grouped by seed, and the result has the root attribute
-    ``sources``. The result takes its seed and root attributes from the first store.
+    ``sources``. The result takes its seed and root attributes from the first store, or from the
+    first that may hold real episodes, if there is one: rows of other stores have no samples of
+    real devices there.
 
     Args:
-        stores: paths of stores whose configs differ in the seed at most. Other processes may write
-            to them meanwhile; only blocks that are committed when a store is opened are merged.
+        stores: paths of stores whose configs differ in the seed, and in having ``capture``, at
+            most. Other processes may write to them meanwhile; only blocks that are committed when a
+            store is opened are merged.
         out: a path where nothing exists yet, or an empty directory.
         accept_other_platform: also merge rows of one seed whose fingerprints differ.
         on_start: called with the number of rows to copy, after every check.
@@ -58,7 +61,7 @@ def merge(
     is_plain = len(seeds) == 1 and not any(source.is_collected for source in sources)
     if not (is_plain or len(found.plan)):
         raise UsageError("the stores have no episodes: there is nothing to merge")
-    first = sources[0].config
+    first = base_of(sources).config
     plan = in_place(found.plan, first.seed, max(map(len, sources))) if is_plain else found.plan
     order = Order(
         place=place,

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp_factory.core import schema
-from grasp_factory.core.episode import Episode, EpisodeSpec, checksum
+from grasp_factory.core.content_checksum import checksum
+from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.place import Place
 from grasp_factory.core.platforms import Fingerprint, difference, fingerprint_of, parsed
@@ -57,6 +58,8 @@ class Mended:
     unknown_platform: tuple[int, ...] = ()
     """Rows that are intact except for the fingerprint, and that differ when they are simulated on
     this platform. Nothing in the block was changed."""
+    recorded: tuple[int, ...] = ()
+    """Rows of real episodes, which need their session. Nothing in the block was changed."""
     foreign: tuple[int, ...] = ()
     """Rows of another platform that must be simulated; that is done only if it is accepted."""
     difference: str = ""
@@ -96,7 +99,7 @@ class BlockRebuilder:
         texts = {i: self._text(found[i], i) for i in rows if i not in recipes}
         unknown = {i: recipe(found[i], pieces, i) for i, text in texts.items() if text is None}
         came = self._foreseen(job.block, found, recipes, unknown)
-        if came.lost or came.is_to_isolate or (came.foreign and not self._accept):
+        if came.lost or came.recorded or came.is_to_isolate or (came.foreign and not self._accept):
             report(came)
             return
         crashed = [i for i in job.lost if _is_committed(found[i])]
@@ -152,6 +155,7 @@ class BlockRebuilder:
         return Mended(
             block=block,
             lost=tuple(i for i, spec in simulated.items() if spec is None),
+            recorded=tuple(i for i, spec in simulated.items() if spec and spec.recording),
             is_to_isolate=is_to_isolate and (self._accept or not foreign),
             foreign=foreign,
             difference=next(filter(None, differences.values()), ""),

@@ -29,11 +29,11 @@ def recovered(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined |
 def recipe(row: Row, pieces: PartialStore, i: int) -> EpisodeSpec | None:
     """Return the recipe of a row; None if it cannot be recovered.
 
-    In a generated store it follows from the row's number. In a merged store it is the row's own
-    recipe, or follows from the row's seed and index. Values count only if they match their
-    digests or each other.
+    In a generated store it follows from the row's number. In a merged store, and in one that may
+    hold real episodes, it is the row's own recipe, or follows from the row's seed and index. Values
+    count only if they match their digests or each other.
     """
-    if not pieces.is_collected:
+    if not pieces.is_collected and pieces.config.capture is None:
         return sample_spec(pieces.config, i)
     sound = _sound(row, pieces)
     seed, index = (int(row.get(path, _NONE)) for path in _RECIPE[1:])
@@ -43,7 +43,8 @@ def recipe(row: Row, pieces: PartialStore, i: int) -> EpisodeSpec | None:
         spec = None
     if spec and ("episodes/spec" in sound or (spec.seed, spec.index) == (seed, index)):
         return spec
-    if {"episodes/seed", "episodes/index"} <= sound and min(seed, index) >= 0:
+    may_be_real = pieces.config.capture is not None
+    if {"episodes/seed", "episodes/index"} <= sound and min(seed, index) >= 0 and not may_be_real:
         return sample_spec(dataclasses.replace(pieces.config, seed=seed), index)
     return None
 

@@ -23,6 +23,13 @@ def rows_of_unknown_platform(rows: Iterable[int]) -> str:
     return f"fingerprints of rows {numbers} {what}: repair where they were made"
 
 
+def rows_of_sessions(rows: Iterable[int]) -> str:
+    """Return the line for rows of real episodes."""
+    numbers = ", ".join(map(str, rows))
+    what = f"rows {numbers} are real episodes and cannot be simulated"
+    return f"{what}: import their session again with `grasp-factory capture import`"
+
+
 def rows_without_recipe(rows: Iterable[int]) -> str:
     """Return the line for rows whose recipe is lost."""
     numbers = ", ".join(map(str, rows))

@@ -23,6 +23,7 @@ from grasp_factory.curation.repair.rebuild import (
 from grasp_factory.curation.repair.refusals import (
     foreign_rows,
     row_that_crashes,
+    rows_of_sessions,
     rows_of_unknown_platform,
     rows_without_recipe,
     sensor_added_since,
@@ -236,6 +237,8 @@ class RepairSession:
                     self._on_episode(made.index)
             elif message.lost:
                 self.failed.append(rows_without_recipe(message.lost))
+            elif message.recorded:
+                self.failed.append(rows_of_sessions(message.recorded))
             elif message.unknown_platform:
                 self.failed.append(rows_of_unknown_platform(message.unknown_platform))
             elif message.crashed:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
-from grasp_factory.core.episode import checksum
+from grasp_factory.core.content_checksum import checksum
 from grasp_factory.core.place import Place
 from grasp_factory.core.schema import Field
 from grasp_factory.curation.verify.partial_store import PartialStore

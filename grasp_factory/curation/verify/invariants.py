@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from grasp_factory.core.camera import Intrinsics
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.finite_check import non_finite
+from grasp_factory.core.real_columns import SOURCE, UNKNOWN, is_real
 from grasp_factory.curation.verify.derived_values import label_faults
 from grasp_factory.curation.verify.partial_store import PartialStore
 from grasp_factory.curation.verify.problems import Fault
+from grasp_factory.curation.verify.real_values import real_faults
 from grasp_factory.curation.verify.time_series import series_faults
 from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import shown
@@ -57,7 +59,13 @@ def faults(contents: Row, pieces: PartialStore, i: int) -> Iterator[Fault]:
     if path:
         yield path, "holds infinity, or NaN where it has no meaning"
         return  # the next checks compute with these numbers
+    if is_real(contents) != (spec.recording is not None):
+        yield SOURCE, "says another origin of the episode than its recipe"
+        return
     yield from _code_faults(contents, pieces)
+    if spec.recording is not None:
+        yield from real_faults(contents, spec)
+        return
     yield from _range_faults(contents)
     yield from _pose_faults(contents)
     for camera in pieces.config.cameras:
@@ -79,9 +87,12 @@ def _recipe_faults(
         "object_family": target.family,
         "split": target.split,
         "policy": spec.policy,
-        "object_mass": target.mass,
-        "object_ids": [recipe.object_id for recipe in spec.objects],
     }
+    ids = [recipe.object_id for recipe in spec.objects]
+    if spec.recording is None:
+        wanted |= {"object_mass": target.mass, "object_ids": ids}
+    else:  # of a real scene, only the target is known
+        wanted["object_ids"] = ids + [""] * (pieces.config.clutter.count - len(ids))
     for name, value in wanted.items():
         got = contents[f"episodes/{name}"].tolist()
         if got != value:
@@ -100,9 +111,15 @@ def _recipe_faults(
 
 
 def _code_faults(contents: Row, pieces: PartialStore) -> Iterator[Fault]:
-    """Yield each coded array, masks included, that has a value without a name."""
-    for path, values in contents.items():
-        names = pieces.fields[path].names
+    """Yield each coded array, masks included, that has a value without a name.
+
+    Of a real episode, 255 means that it was not measured.
+    """
+    real = is_real(contents)
+    for path, found in contents.items():
+        field = pieces.fields[path]
+        names, may_lack = field.names, path != SOURCE and (real or field.is_real)
+        values = found[found != UNKNOWN] if may_lack and names else found
         if names and values.size and int(values.max()) >= len(names):
             yield path, f"value {int(values.max())}, which stands for nothing"
 

@@ -10,6 +10,7 @@ import numpy as np
 from grasp_factory.core.executors import Executor, InlineExecutor, ProcessExecutor
 from grasp_factory.core.optional import require_pybullet
 from grasp_factory.core.platforms import PARTS, differing, fingerprint_of, meaning, parsed
+from grasp_factory.core.real_columns import Source
 from grasp_factory.core.serialization import check, is_integer
 from grasp_factory.core.text_format import count
 from grasp_factory.curation.verify.annotation_log import annotation_problems
@@ -176,7 +177,14 @@ def _simulable(pieces: PartialStore, found: Findings) -> list[int]:
         committed = np.flatnonzero(columns.read("status")["status"] == COMMITTED)
     except StoreError:
         return []
-    return [row for row in committed.tolist() if row not in broken]
+    return [row for row in committed.tolist() if row not in broken | _real_rows(columns)]
+
+
+def _real_rows(columns: Columns) -> set[int]:
+    """Return the rows of real episodes, which cannot be simulated."""
+    if "source" not in columns.names:
+        return set()
+    return set(np.flatnonzero(columns.read("source")["source"] == Source.REAL).tolist())
 
 
 def _unreadable(path: Path, problem: Problem) -> VerifyReport:

@@ -32,6 +32,12 @@ _TEXTS = ("object_id", "object_set", "object_family", "split", "policy", "grasp_
 _WORDS = {"outcome": OUTCOMES, "split": SPLITS}
 
 
+_RECORDED = {
+    name: f"recorded_{name}" for name in ("operator", "duration", "scenario", "sensor_setup")
+}
+"""Columns of real episodes whose names the index uses for all episodes."""
+
+
 def _kind(row: Field) -> str:
     if row.names or row.path.removeprefix("episodes/") in _TEXTS:
         return "word"
@@ -45,7 +51,7 @@ def _stored() -> dict[str, Field]:
     found = {row.path.removeprefix("episodes/"): row for row in FIELDS if not row.dims}
     beside = {path.removeprefix("episodes/") for path in NOT_IN_AN_EPISODE}
     return {
-        name: row
+        _RECORDED.get(name, name): row
         for name, row in found.items()
         if "/" not in name and name not in beside and name != "spec"
     }
@@ -53,6 +59,11 @@ def _stored() -> dict[str, Field]:
 
 STORED: Mapping[str, Field] = _stored()
 """Columns that are copied from the store, with their fields of the schema."""
+
+
+def stored_name(row: Field) -> str:
+    """Return the name of a field's column in the store."""
+    return row.path.removeprefix("episodes/")
 
 
 def _columns() -> tuple[IndexColumn, ...]:
@@ -84,7 +95,7 @@ def _columns() -> tuple[IndexColumn, ...]:
         c("scenario", "word", "where and among how many objects"),
         c("task_type", "word", "what is attempted"),
         c("lighting", "word", "how bright the light is, and from where it comes"),
-        c("operator", "word", "who ran the arm: the policy"),
+        c("operator", "word", "who ran the arm: the policy, or the person of a real episode"),
         c("duration", "number", "of the attempt: its records over their rate", units="s"),
         c("file_size_mb", "number", "share of its block's files", units="MB"),
         c("created_at", "time", "when the row's block was committed on this disk"),

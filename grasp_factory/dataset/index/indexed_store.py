@@ -16,7 +16,7 @@ from grasp_factory.core import schema
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.place import place_of
 from grasp_factory.core.place_tree import file_facts
-from grasp_factory.dataset.index.columns import OF_ROWS, STATUSES, STORED
+from grasp_factory.dataset.index.columns import OF_ROWS, STATUSES, STORED, stored_name
 from grasp_factory.dataset.index.words import lighting, scenario, sensor_setup
 from grasp_factory.errors import LimitError, StoreError
 from grasp_factory.writers.zarr.columns import Columns
@@ -54,7 +54,11 @@ class IndexSource:
         self._config = self._columns.config
         fields = {row.path: row for row in schema.expand(self._config)}
         there = self._columns.names
-        self._fields = {name: fields[f"episodes/{name}"] for name in STORED if name in there}
+        self._fields = {
+            name: fields[row.path]
+            for name, row in STORED.items()
+            if row.path in fields and stored_name(row) in there
+        }
         self._files = [
             (self._columns.place / row.path, ".0" * len(row.dims), row.is_video)
             for row in schema.expand(self._config)
@@ -109,7 +113,7 @@ class IndexSource:
 
     def _whole(self) -> Mapping[str, NDArray[Any]]:
         try:
-            return self._columns.read("status", *self._fields)
+            return self._columns.read("status", *map(stored_name, self._fields.values()))
         except LimitError:
             raise
         except StoreError:  # reading block by block finds what is damaged
@@ -145,7 +149,7 @@ class IndexSource:
         status = read("status")
         if (status > QUARANTINED).any():
             raise StoreError(f"{schema.STATUS.path} has values that no row has")
-        columns = {name: _plain(field, read(name)) for name, field in self._fields.items()}
+        columns = {name: _plain(row, read(stored_name(row))) for name, row in self._fields.items()}
         columns["checksum"] = read("checksum").tolist()
         specs = read("spec").tolist()
         rows = np.arange(start, stop)
@@ -164,14 +168,15 @@ class IndexSource:
                 row["error"] = errors[k] or None
             row["status"] = STATUSES[int(status[k]) - 1]
             row["row"] = start + k
-            row["operator"] = row.get("policy")
+            row["operator"] = row.get("recorded_operator") or row.get("policy")
             row["created_at"], row["file_size_mb"] = of_block[int(blocks[k])]
             yield tuple(row.get(name) for name in OF_ROWS)
 
     def _of_committed(self, row: Mapping[str, Any], spec: str) -> dict[str, Any]:
         out: dict[str, Any] = {"lighting": _lighting(spec), "data_quality": row.get("quality")}
         if row["n_steps"] is not None:
-            out["duration"] = round(row["n_steps"] / self._config.record_hz, 6)
+            steps = round(row["n_steps"] / self._config.record_hz, 6)
+            out["duration"] = row.get("recorded_duration") or steps
         if row["outcome"] != Outcome.COLLISION.name.lower():
             out["collision_body"] = None
         if row.get("seed") is None or row.get("index") is None:
@@ -286,7 +291,7 @@ def _of_recipe(spec: str) -> dict[str, Any]:
             "object_set": str(target["object_set"]),
             "object_family": str(target["family"]),
             "split": str(target["split"]),
-            "object_mass": float(target["mass"]),
+            "object_mass": None if target["mass"] is None else float(target["mass"]),
             "lighting": _lighting(spec),
         }
     except (ValueError, TypeError, LookupError, OverflowError, RecursionError):

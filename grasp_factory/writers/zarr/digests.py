@@ -9,7 +9,7 @@ import google_crc32c
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.episode import content_bytes
+from grasp_factory.core.content_checksum import content_bytes
 
 
 def digest(values: NDArray[Any]) -> int:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
-from grasp_factory.core.episode import Episode, checksum
+from grasp_factory.core.content_checksum import checksum
+from grasp_factory.core.episode import Episode
 from grasp_factory.core.place import Place, fsync_places
 from grasp_factory.core.schema import Field
 from grasp_factory.errors import StoreError

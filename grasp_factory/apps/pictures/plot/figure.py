@@ -92,7 +92,8 @@ def facts(episode: Episode) -> list[str]:
     labels = label_names(len(spec.objects))
     if 0 < body < len(labels):
         words.append(f"hit the {labels[body]}")
-    words.append(f"mass {1000.0 * spec.objects[0].mass:.0f} g")
+    if spec.objects[0].mass is not None:
+        words.append(f"mass {1000.0 * spec.objects[0].mass:.0f} g")
     if columns.get("quality"):
         words.append(f"quality {int(columns['quality'])} of 5")
     return words

@@ -1,0 +1,1 @@
+"""Import of recorded sessions into stores: cutting, labels, and real episodes."""

@@ -1,0 +1,144 @@
+"""Where the episodes of a session begin and end."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from grasp_factory.capture.importing.gripper_motion import GripperClosing
+from grasp_factory.capture.importing.import_settings import CutMethod, ImportSettings
+from grasp_factory.capture.importing.session_contents import RecordedEvent
+from grasp_factory.capture.session.events import EPISODE_END, EPISODE_START
+from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.regular_file import open_regular
+from grasp_factory.errors import CaptureError, UsageError, shown
+
+MARK, LABEL = "mark", "label"
+"""Events: two marks are a start and an end; a label has ``outcome``."""
+_MOST_BYTES = 10_000_000
+_COLUMNS = ("start", "end", "outcome")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """An episode's part of a session."""
+
+    start_ns: int
+    """ns since the epoch."""
+    end_ns: int
+    outcome: str = ""
+    """What the list of cuts says; empty if it says nothing."""
+
+
+def cuts_of(
+    events: Sequence[RecordedEvent],
+    closings: Sequence[GripperClosing],
+    span_ns: tuple[int, int],
+    settings: ImportSettings,
+    listed: Sequence[Cut] = (),
+) -> tuple[Cut, ...]:
+    """Return the episodes of a session in the order of their starts; none overlaps another.
+
+    Args:
+        events: of the session, by time.
+        closings: of its gripper.
+        span_ns: its first and last time.
+        settings: the method.
+        listed: the list, for that method.
+
+    Raises:
+        CaptureError: if there is none, or two of a list overlap.
+    """
+    if settings.cut is CutMethod.LIST:
+        found = sorted(listed, key=lambda cut: cut.start_ns)
+    elif settings.cut is CutMethod.GRIPPER:
+        found = _by_gripper(closings, span_ns, settings)
+    else:
+        found = _by_events(events, span_ns)
+    for before, after in itertools.pairwise(found):
+        if after.start_ns <= before.end_ns:
+            at = (after.start_ns - span_ns[0]) / 1e9
+            raise CaptureError(f"the episode from {at:.3f} s on begins before the last one ends")
+    if not found:
+        raise CaptureError(
+            f"no episode was found by {settings.cut.name.lower()}; valid: --cut events, --cut"
+            " gripper, or --cuts FILE with start,end in seconds from the session's start"
+        )
+    return tuple(found)
+
+
+def _by_events(events: Sequence[RecordedEvent], span_ns: tuple[int, int]) -> list[Cut]:
+    named = [event for event in events if event.name in (EPISODE_START, EPISODE_END)]
+    if not named:
+        marks = [event.time_ns for event in events if event.name == MARK]
+        pairs = zip(marks[::2], marks[1::2], strict=False)
+        return [Cut(start_ns=a, end_ns=b) for a, b in pairs if a < b]
+    found, start = [], None
+    for event in named:
+        if start is not None and event.time_ns > start:
+            found.append(Cut(start_ns=start, end_ns=event.time_ns - (event.name == EPISODE_START)))
+        start = event.time_ns if event.name == EPISODE_START else None
+    if start is not None and start < span_ns[1]:
+        found.append(Cut(start_ns=start, end_ns=span_ns[1]))
+    return found
+
+
+def _by_gripper(
+    closings: Sequence[GripperClosing], span_ns: tuple[int, int], settings: ImportSettings
+) -> list[Cut]:
+    before, after = round(settings.before_s * 1e9), round(settings.after_s * 1e9)
+    found: list[Cut] = []
+    for closing in closings:
+        end = span_ns[1] if closing.opens_ns is None else min(span_ns[1], closing.opens_ns + after)
+        start = max(span_ns[0], closing.begins_ns - before)
+        if found and start <= found[-1].end_ns:
+            start = found[-1].end_ns + 1
+        if start < closing.begins_ns < end:
+            found.append(Cut(start_ns=start, end_ns=end))
+    return found
+
+
+def read_cuts(file: Path) -> tuple[Cut, ...]:
+    """Return the episodes of a CSV file; times are ns from the session's start, see ``shifted``.
+
+    Its first line names the columns: start and end in seconds, and outcome if there are labels.
+
+    Raises:
+        UsageError: if it cannot be read, naming the line that is wrong.
+    """
+    try:
+        with os.fdopen(open_regular(file, os.O_RDONLY), encoding="utf-8") as stream:
+            text = stream.read(_MOST_BYTES + 1)
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"--cuts {file} cannot be read: {error}") from None
+    rows = csv.reader(text[:_MOST_BYTES].splitlines())
+    head = next(rows, [])
+    if tuple(head) not in (_COLUMNS[:2], _COLUMNS):
+        raise UsageError(f"--cuts {file}: line 1: got {shown(head)}, valid: {','.join(_COLUMNS)}")
+    return tuple(_listed(file, number, row) for number, row in enumerate(rows, 2) if row)
+
+
+def shifted(cuts: Sequence[Cut], start_ns: int) -> tuple[Cut, ...]:
+    """Return cuts relative to a session's start as times since the epoch."""
+    return tuple(
+        replace(cut, start_ns=cut.start_ns + start_ns, end_ns=cut.end_ns + start_ns) for cut in cuts
+    )
+
+
+def _listed(file: Path, number: int, row: list[str]) -> Cut:
+    try:
+        start, end = (float(word) for word in row[:2])
+        outcome = row[2].strip() if len(row) > 2 else ""
+    except ValueError:
+        start = end = math.nan
+        outcome = ""
+    is_known = not outcome or outcome in names(Outcome)
+    if not (0.0 <= start < end <= 1e7 and is_known):
+        valid = "start and end in seconds, start first, and an outcome such as success or nothing"
+        raise UsageError(f"--cuts {file}: line {number}: got {shown(row)}, valid: {valid}")
+    return Cut(start_ns=round(start * 1e9), end_ns=round(end * 1e9), outcome=outcome)

@@ -1,0 +1,154 @@
+"""The devices of a session on the host's clock: which there are, and when each sample was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp_factory.capture.clocks.clock_fit import fit_clock
+from grasp_factory.capture.clocks.clock_rule import ClockRule
+from grasp_factory.capture.importing.import_settings import ImportSettings
+from grasp_factory.capture.importing.session_contents import SessionContents
+from grasp_factory.capture.ros_messages import IMAGE, IMU, JOINT_STATE, WRENCH
+from grasp_factory.capture.samples import DeviceKind
+from grasp_factory.capture.session_series import DeviceSeries
+from grasp_factory.core.geometry import Array
+from grasp_factory.errors import CaptureError, UsageError, shown
+from grasp_factory.signals.timeline import Ticks
+
+GRIPPER = "gripper"
+"""Name of the joint whose position is the gripper's width, m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceTrack:
+    """The samples of one topic on the host's clock."""
+
+    series: DeviceSeries
+    times_ns: Ticks
+    """(K,) when each sample was taken, ns since the epoch, strictly ascending."""
+    places: NDArray[np.int64]
+    """(K,) places of these samples in the series; samples whose clock went back are left out."""
+    clock: Mapping[str, Any]
+    """The report of the fit; empty for a device without a clock."""
+
+    def values(self, name: str) -> Array:
+        """Return an array of the series, (K, ...)."""
+        return self.series.values[name][self.places]
+
+    def within(self, start_ns: int, end_ns: int) -> slice:
+        """Return the samples of a span, both ends included."""
+        first = int(np.searchsorted(self.times_ns, start_ns))
+        return slice(first, int(np.searchsorted(self.times_ns, end_ns, side="right")))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionTracks:
+    """The tracks that an import uses; None for what the session does not have."""
+
+    cameras: Mapping[str, DeviceTrack]
+    """Colour images by device."""
+    depths: Mapping[str, DeviceTrack]
+    """Depth images by device."""
+    imu: DeviceTrack | None
+    force_torque: DeviceTrack | None
+    taxels: DeviceTrack | None
+    joint_states: DeviceTrack | None
+    joint_commands: DeviceTrack | None
+
+    def named(self) -> dict[str, DeviceTrack]:
+        """Return all tracks but depths and commands by device."""
+        others = (self.imu, self.force_torque, self.taxels, self.joint_states)
+        return {**self.cameras, **{t.series.device: t for t in others if t is not None}}
+
+
+def tracks_of(contents: SessionContents, settings: ImportSettings) -> SessionTracks:
+    """Return the tracks of a session.
+
+    Raises:
+        UsageError: if the settings name a device that is not there.
+    """
+
+    def pick(kind: DeviceKind, message_type: str, device: str, *, commands: bool = False) -> Any:
+        found = {
+            each.device: each
+            for each in contents.series.values()
+            if each.kind is kind
+            and each.message_type == message_type
+            and is_command(each) is commands
+            and len(each)
+        }
+        if device and device not in found and not commands:
+            raise UsageError(
+                f"the session has no {kind.name.lower()} device {shown(device)}, valid:"
+                f" {', '.join(found) or 'none'}"
+            )
+        chosen = found.get(device) if device else next(iter(found.values()), None)
+        return track_of(chosen, settings) if chosen else None
+
+    images = [
+        each
+        for each in contents.series.values()
+        if each.kind is DeviceKind.CAMERA and each.message_type == IMAGE and len(each)
+    ]
+    is_depth = {each.topic: each.topic in contents.depth_topics for each in images}
+    return SessionTracks(
+        cameras={e.device: track_of(e, settings) for e in images if not is_depth[e.topic]},
+        depths={e.device: track_of(e, settings) for e in images if is_depth[e.topic]},
+        imu=pick(DeviceKind.IMU, IMU, settings.imu),
+        force_torque=pick(DeviceKind.FORCE_TORQUE, WRENCH, settings.force_torque),
+        taxels=pick(DeviceKind.TACTILE, IMAGE, settings.tactile),
+        joint_states=pick(DeviceKind.JOINTS, JOINT_STATE, settings.joints),
+        joint_commands=pick(DeviceKind.JOINTS, JOINT_STATE, settings.joints, commands=True),
+    )
+
+
+def is_command(series: DeviceSeries) -> bool:
+    """Return whether a series of joints is of commands: these have no velocities."""
+    velocities = series.values.get("velocities")
+    positions = series.values.get("positions")
+    has_none = velocities is not None and velocities.size == 0
+    return has_none and positions is not None and positions.size > 0
+
+
+def track_of(series: DeviceSeries, settings: ImportSettings) -> DeviceTrack:
+    """Return a series on the host's clock; see ``clocks.clock_fit``.
+
+    Raises:
+        CaptureError: if its times cannot be used.
+    """
+    arrived = np.maximum.accumulate(series.log_time_ns)
+    latency = settings.latency_s.get(series.device, 0.0)
+    clock: dict[str, Any] = {}
+    if series.device_ns is None:
+        times = arrived - round(latency * 1e9)
+    else:
+        try:
+            fit = fit_clock(series.device_ns, arrived, ClockRule(latency_s=latency))
+        except UsageError as error:
+            raise CaptureError(f"{shown(series.topic)}: {error}") from None
+        times, clock = fit.host_ns, asdict(fit.report())
+    before = np.maximum.accumulate(np.concatenate([[np.iinfo(np.int64).min], times[:-1]]))
+    places = np.flatnonzero(times > before)
+    return DeviceTrack(series=series, times_ns=times[places], places=places, clock=clock)
+
+
+def gripper_column(contents: SessionContents, track: DeviceTrack | None) -> int | None:
+    """Return the column of the gripper among the joints; None without one."""
+    names = contents.joint_names.get(track.series.topic, ()) if track else ()
+    return names.index(GRIPPER) if GRIPPER in names else None
+
+
+def gripper_series(contents: SessionContents, tracks: SessionTracks) -> tuple[Ticks, Array] | None:
+    """Return times (K,) in ns and widths (K,) in m of the gripper, without NaN; None without."""
+    track = tracks.joint_states
+    column = gripper_column(contents, track)
+    if track is None or column is None:
+        return None
+    width = track.values("positions")[:, column]
+    there = np.isfinite(width)
+    return (track.times_ns[there], width[there]) if there.any() else None
