@@ -557,6 +557,7 @@ class TestTurning:
         for store in tried:
             assert np.array_equal(store.column("object_id"), judged.column("object_id")[:4])
 
+    @pytest.mark.soak
     def test_what_is_deleted_is_made_again_with_the_same_bytes(
         self, made: Path, fly: Path, run: Run
     ) -> None:
@@ -599,6 +600,7 @@ class TestTurning:
         assert "budget: 8 against 9" in said
         assert tree(fly) == tree(made)
 
+    @pytest.mark.soak
     def test_one_arm_has_no_gain(self, fly: Path, run: Run, tmp_path: Path) -> None:
         alone = tmp_path / "alone"
         alone.mkdir()

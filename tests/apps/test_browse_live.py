@@ -77,6 +77,7 @@ def ink(page: Page, chart: str) -> int:
     )
 
 
+@pytest.mark.soak
 def test_progress_moves_to_the_end_and_says_how_to_go_on(page: Page, tmp_path: Path) -> None:
     out = tmp_path / "my ds.zarr"
     with running(out, 24) as run:

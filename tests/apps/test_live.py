@@ -503,6 +503,7 @@ class TestARealRun:
         assert sum(last["outcomes"].values()) == 12
         assert last["disk"]["per_episode"] > 1000
 
+    @pytest.mark.soak
     def test_makes_the_same_bytes_as_one_without_a_view(self, tmp_path: Path) -> None:
         watched, plain = tmp_path / "watched.zarr", tmp_path / "plain.zarr"
         with running(watched, 6) as run:

@@ -246,6 +246,7 @@ class TestFigure:
         quiet = dataclasses.replace(episode, streams=streams)
         assert "nothing touched the pads" in words(figure_of(subject(quiet)))
 
+    @pytest.mark.soak
     def test_the_settings_of_the_user_neither_matter_nor_change(self) -> None:
         once = pixels_of(figure_of(subject(DATASET[0])))
         with mpl.rc_context({"font.size": 20, "lines.linewidth": 9, "axes.facecolor": "red"}):

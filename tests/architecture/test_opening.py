@@ -93,11 +93,7 @@ OPENS: Mapping[str, str] = {
     "capture/session/camera_info.py": "a calibration file of the user",
     "cli/capture_demo.py": "a temporary folder",
     **dict.fromkeys(
-        (
-            "capture/calibration/csv_columns.py",
-            "capture/calibration/board_images.py",
-            "capture/importing/cuts.py",
-        ),
+        ("capture/calibration/csv_columns.py", "capture/calibration/board_images.py"),
         "recordings of the user, read in a process with limits",
     ),
     **dict.fromkeys(

@@ -50,6 +50,7 @@ OWNERS = {
     "zstandard": {"capture/session"},
     "cyclonedds": {"capture/ros2"},
     "serial": {"capture/transport/serial_port.py"},
+    "pyrealsense2": {"capture/devices/realsense.py", "capture/simulators/realsense.py"},
     "trimesh": {"objects/importing", "simulation/make_link_hulls.py"},
     "coacd": {"objects/importing"},
     "tqdm": {"cli/bars.py", "cli/run_progress.py"},

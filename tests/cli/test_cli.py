@@ -560,6 +560,7 @@ class TestALongRun:
         ]
         self.check_that_it_goes_on(out)
 
+    @pytest.mark.soak
     @pytest.mark.slow
     def test_shows_each_episode_on_a_terminal(self, out: Path) -> None:
         pid, terminal = pty.fork()

@@ -189,6 +189,7 @@ def test_a_second_ctrl_c_stops_at_once_and_the_store_can_be_gone_on_with(
     check_completion(out, want)
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_a_run_that_is_stopped_at_random_instants_ends_in_the_same_bytes(
     tmp_path: Path, want: Path

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.scale import scaled
 from support.tiny_models import tiny_model
 from support.views import GRIPPERS, brick, lowest_corner, make_view, plain, plan, tilt_deg
 
@@ -99,7 +100,7 @@ class TestPolicy:
         self, policy: str, gripper: Gripper, height: float
     ) -> None:
         view = make_view(brick(0.5, 0.0, 1.1, (0.08, 0.03, height)), gripper)
-        for seed in range(20):
+        for seed in range(scaled(6, 20)):
             grasps = proposed(policy, view, seed)
             assert grasps
             for grasp in grasps:

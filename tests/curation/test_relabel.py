@@ -41,6 +41,7 @@ def store(tmp_path):
     return path
 
 
+@pytest.mark.soak
 def test_the_same_thresholds_give_the_same_labels(store):
     done = relabel(store, "again", LabelConfig())
     dataset = Dataset.open(store)

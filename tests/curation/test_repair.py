@@ -142,6 +142,7 @@ def test_damage_is_found_and_mended_to_the_same_bytes(store: Path, copy: Path, w
     assert_same_tree(store, copy)
 
 
+@pytest.mark.soak
 def test_everything_at_once_is_mended(store: Path, copy: Path) -> None:
     delete("episodes/zarr.json")(copy)
     delete("streams/tcp_pose/zarr.json")(copy)

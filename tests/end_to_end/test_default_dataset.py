@@ -18,7 +18,7 @@ from grasp_factory.labels.rule import target_com
 from grasp_factory.robots import ROBOTS
 
 pytestmark = pytest.mark.slow
-EPISODES = scaled(64, 200)
+EPISODES = scaled(48, 200)
 STILL = 0.005
 """m/s of the target's centre of mass: slower counts as at rest."""
 

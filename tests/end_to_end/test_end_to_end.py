@@ -71,6 +71,7 @@ def test_the_same_command_again_changes_nothing(alone):
     assert state() == before
 
 
+@pytest.mark.soak
 def test_replay_agrees_with_every_episode(alone):
     for index in range(0, N, 5):
         command = [sys.executable, "-m", "grasp_factory", "replay", str(alone), str(index)]

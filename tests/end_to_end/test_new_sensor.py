@@ -189,6 +189,7 @@ def test_a_dataset_returns_what_the_encoders_saw_at_the_same_instants(
         assert [elbow for elbow, joint in both if elbow != joint] == []
 
 
+@pytest.mark.soak
 def test_one_worker_makes_the_same_episodes(
     store: Path, folder: Path, command: Python, python: Python
 ) -> None:
@@ -224,6 +225,7 @@ class TestAStoreFromBeforeIt:
         found = json.loads(command("replay", before, 0, "--json"))
         assert found["same"], found["difference"]
 
+    @pytest.mark.soak
     def test_is_split_and_merged_as_it_was(
         self, before: Path, tmp_path: Path, command: Python
     ) -> None:
@@ -233,6 +235,7 @@ class TestAStoreFromBeforeIt:
             assert json.loads(command("verify", out, "--json"))["is_whole"]
             assert not (out / "elbow").exists()
 
+    @pytest.mark.soak
     def test_is_not_merged_with_one_that_has_it(
         self, store: Path, tmp_path: Path, command: Python, fails: Python
     ) -> None:

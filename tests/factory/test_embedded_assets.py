@@ -88,6 +88,7 @@ def used(made: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     return folder
 
 
+@pytest.mark.soak
 def test_a_folder_is_used_with_its_refusals_and_warnings_named(made: tuple[Path, str]) -> None:
     folder, said = made
     assert "things: broken.stl is skipped: it has no faces" in said

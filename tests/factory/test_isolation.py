@@ -129,6 +129,7 @@ def test_a_death_that_is_not_the_episodes_fault_costs_nothing(clean: Path, tmp_p
     assert_same_tree(clean, out)
 
 
+@pytest.mark.soak
 def test_more_failures_than_allowed_are_exit_code_1_and_the_rest_is_there(
     tmp_path: Path, run: Callable[..., tuple[int, str, str]]
 ) -> None:

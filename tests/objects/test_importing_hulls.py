@@ -65,6 +65,7 @@ class TestHulls:
             assert (hull.equations[:, 3] > 0.012).any()  # the middle lies that far outside
         assert sum(hull.volume for hull in hulls) == pytest.approx(mesh.volume, rel=0.15)
 
+    @pytest.mark.soak
     def test_a_bowl_keeps_its_hollow(self) -> None:
         vertices, faces = SHAPES["ball"]
         below = vertices[faces].mean(axis=1)[:, 2] < 0.005

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 import pytest
+from support.scale import scaled
 
 from grasp_factory.core.geometry import rotation_about, rotation_vector, transform
 from grasp_factory.robots import ik
@@ -100,7 +101,7 @@ def assert_solves(chain: Chain, q: np.ndarray, T_base_tip: np.ndarray) -> None:
 )
 def test_ik_reaches_every_pose_that_forward_kinematics_made(arm: str, postures) -> None:
     chain = ARMS[arm]
-    for T_base_tip in chain.fk(postures(chain, 200)):
+    for T_base_tip in chain.fk(postures(chain, scaled(80, 200))):
         result = solve_ik(chain, T_base_tip, HOME[arm])
         assert result.success
         assert_solves(chain, result.joint_positions, T_base_tip)

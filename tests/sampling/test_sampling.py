@@ -319,7 +319,7 @@ class TestSplits:
         config = FactoryConfig(object_sets=object_sets, clutter=ClutterConfig(count=count))
         seen: dict[str, set[str]] = {"train": set(), "val": set(), "test": set()}
         for seed in (0, 1):
-            for spec in specs(dataclasses.replace(config, seed=seed), scaled(80, 300)):
+            for spec in specs(dataclasses.replace(config, seed=seed), scaled(40, 300)):
                 seen[spec.objects[0].split] |= {recipe.object_id for recipe in spec.objects}
         assert all(seen.values())
         assert not seen["train"] & seen["test"]

@@ -138,6 +138,7 @@ def _target_body(world: World) -> int:
 
 
 class TestClutter:
+    @pytest.mark.soak
     def test_every_object_has_its_pose_label_and_share(self) -> None:
         for episode in cluttered(MADE):
             recipes = episode.spec.objects

@@ -153,6 +153,7 @@ class TestStores:
         ):
             check_place(path, dataclasses.replace(config, renderer=other))
 
+    @pytest.mark.soak
     def test_an_episode_is_stored_and_replayed_with_the_renderer_of_its_config(
         self, opengl: None, tmp_path: Path
     ) -> None:
@@ -221,6 +222,7 @@ def outline(mask: np.ndarray) -> int:
 
 
 class TestOpenGL:
+    @pytest.mark.soak
     def test_images_do_not_hang_on_what_was_drawn_before(self, opengl: None) -> None:
         with World(Renderer.EGL) as world:
             late = {index: images_of(world, crowd(index)) for index in (0, 2, 1, 0, 2)}

@@ -165,6 +165,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.soak
 @pytest.mark.slow
 def test_learned_episodes_do_not_depend_on_the_kernels_of_torch(model):
     variants = [{}, {"ATEN_CPU_CAPABILITY": "default", "ONEDNN_MAX_CPU_ISA": "SSE41"}]

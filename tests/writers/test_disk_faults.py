@@ -330,6 +330,7 @@ def test_a_read_only_directory_is_refused_and_then_used(tmp_path: Path, clean: P
     assert_same_tree(clean, place / "m.zarr")
 
 
+@pytest.mark.soak
 def test_permission_that_is_lost_meanwhile_is_given_back_and_the_run_goes_on(
     tmp_path: Path, clean: Path
 ) -> None:

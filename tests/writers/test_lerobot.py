@@ -279,6 +279,7 @@ def test_statistics_without_a_value_are_0() -> None:
     }
 
 
+@pytest.mark.soak
 def test_the_bytes_of_av1_do_not_depend_on_the_number_of_workers(
     fake: Dataset, tmp_path: Path
 ) -> None:

@@ -11,6 +11,7 @@ from grasp_factory.capture.devices.bmi088 import BMI088_MODEL
 from grasp_factory.capture.devices.joints import JOINTS_MODEL
 from grasp_factory.capture.devices.onrobot import ONROBOT_MODEL
 from grasp_factory.capture.devices.opencv import OPENCV_MODEL
+from grasp_factory.capture.devices.realsense import REALSENSE_MODEL
 from grasp_factory.capture.devices.robotiq_ft300 import ROBOTIQ_FT300_MODEL
 from grasp_factory.capture.devices.ros2 import ROS2_MODELS
 from grasp_factory.capture.devices.rosbag import ROSBAG_MODELS
@@ -19,6 +20,7 @@ from grasp_factory.capture.devices.tactile_array import TACTILE_ARRAY_MODEL
 DEVICES: Mapping[str, DeviceModel] = {
     model.name: model
     for model in (
+        REALSENSE_MODEL,
         OPENCV_MODEL,
         BMI088_MODEL,
         ARTICLE_FT_MODEL,

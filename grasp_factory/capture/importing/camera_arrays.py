@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.capture.importing.device_tracks import DeviceTrack, SessionTracks
+from grasp_factory.capture.importing.device_tracks import RecordedTrack, SessionTracks
 from grasp_factory.capture.importing.image_pass import FoundImages, Frame, WantedImages
 from grasp_factory.capture.importing.import_settings import ImportSettings
 from grasp_factory.capture.importing.session_contents import SessionContents
@@ -129,11 +129,11 @@ def video_series(
     return out
 
 
-def _frame(track: DeviceTrack, place: int) -> Frame:
+def _frame(track: RecordedTrack, place: int) -> Frame:
     return track.series.topic, int(track.places[place])
 
 
-def _nearest(track: DeviceTrack, at: Ticks) -> tuple[NDArray[np.int64], Ticks]:
+def _nearest(track: RecordedTrack, at: Ticks) -> tuple[NDArray[np.int64], Ticks]:
     """Return the place in the track of the nearest sample to each instant, and its distance."""
     after = np.clip(np.searchsorted(track.times_ns, at), 0, len(track.times_ns) - 1)
     before = np.maximum(after - 1, 0)
@@ -143,7 +143,7 @@ def _nearest(track: DeviceTrack, at: Ticks) -> tuple[NDArray[np.int64], Ticks]:
 
 
 def _depths(
-    track: DeviceTrack | None, times: Ticks, slop_ns: int
+    track: RecordedTrack | None, times: Ticks, slop_ns: int
 ) -> tuple[Frame | None, Frame | None]:
     if track is None:
         return None, None

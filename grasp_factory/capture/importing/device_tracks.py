@@ -25,7 +25,7 @@ GRIPPER = "gripper"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceTrack:
+class RecordedTrack:
     """The samples of one topic on the host's clock."""
 
     series: DeviceSeries
@@ -50,17 +50,17 @@ class DeviceTrack:
 class SessionTracks:
     """The tracks that an import uses; None for what the session does not have."""
 
-    cameras: Mapping[str, DeviceTrack]
+    cameras: Mapping[str, RecordedTrack]
     """Colour images by device."""
-    depths: Mapping[str, DeviceTrack]
+    depths: Mapping[str, RecordedTrack]
     """Depth images by device."""
-    imu: DeviceTrack | None
-    force_torque: DeviceTrack | None
-    taxels: DeviceTrack | None
-    joint_states: DeviceTrack | None
-    joint_commands: DeviceTrack | None
+    imu: RecordedTrack | None
+    force_torque: RecordedTrack | None
+    taxels: RecordedTrack | None
+    joint_states: RecordedTrack | None
+    joint_commands: RecordedTrack | None
 
-    def named(self) -> dict[str, DeviceTrack]:
+    def named(self) -> dict[str, RecordedTrack]:
         """Return all tracks but depths and commands by device."""
         others = (self.imu, self.force_torque, self.taxels, self.joint_states)
         return {**self.cameras, **{t.series.device: t for t in others if t is not None}}
@@ -115,7 +115,7 @@ def is_command(series: DeviceSeries) -> bool:
     return has_none and positions is not None and positions.size > 0
 
 
-def track_of(series: DeviceSeries, settings: ImportSettings) -> DeviceTrack:
+def track_of(series: DeviceSeries, settings: ImportSettings) -> RecordedTrack:
     """Return a series on the host's clock; see ``clocks.clock_fit``.
 
     Raises:
@@ -134,10 +134,10 @@ def track_of(series: DeviceSeries, settings: ImportSettings) -> DeviceTrack:
         times, clock = fit.host_ns, asdict(fit.report())
     before = np.maximum.accumulate(np.concatenate([[np.iinfo(np.int64).min], times[:-1]]))
     places = np.flatnonzero(times > before)
-    return DeviceTrack(series=series, times_ns=times[places], places=places, clock=clock)
+    return RecordedTrack(series=series, times_ns=times[places], places=places, clock=clock)
 
 
-def gripper_column(contents: SessionContents, track: DeviceTrack | None) -> int | None:
+def gripper_column(contents: SessionContents, track: RecordedTrack | None) -> int | None:
     """Return the column of the gripper among the joints; None without one."""
     names = contents.joint_names.get(track.series.topic, ()) if track else ()
     return names.index(GRIPPER) if GRIPPER in names else None

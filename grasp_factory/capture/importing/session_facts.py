@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.capture.importing.device_tracks import DeviceTrack, SessionTracks
+from grasp_factory.capture.importing.device_tracks import RecordedTrack, SessionTracks
 from grasp_factory.capture.importing.import_settings import ImportSettings
 from grasp_factory.capture.importing.session_contents import RecordedEvent, SessionContents
 from grasp_factory.capture.importing.timeline import EpisodeSpan
@@ -107,7 +107,7 @@ def episode_quality(
     )
 
 
-def _part(track: DeviceTrack, span: EpisodeSpan) -> DeviceSeries:
+def _part(track: RecordedTrack, span: EpisodeSpan) -> DeviceSeries:
     """Return a track's samples in an episode, on the host's clock."""
     inside = track.within(span.start_ns, span.end_ns)
     places, series = track.places[inside], track.series

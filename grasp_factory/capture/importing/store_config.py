@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from grasp_factory.capture.importing.cuts import Cut
-from grasp_factory.capture.importing.device_tracks import DeviceTrack, SessionTracks
+from grasp_factory.capture.importing.device_tracks import RecordedTrack, SessionTracks
 from grasp_factory.capture.importing.import_settings import ImportSettings
 from grasp_factory.capture.importing.session_contents import SessionContents
 from grasp_factory.capture.quality.streams import measured_rate
@@ -105,14 +105,14 @@ def _room(tracks: SessionTracks, contents: SessionContents, cuts: Sequence[Cut])
     )
 
 
-def _rate(track: DeviceTrack | None) -> int:
+def _rate(track: RecordedTrack | None) -> int:
     if track is None:
         return 0
     rate = measured_rate(track.times_ns, None)
     return 1 if math.isnan(rate) else min(FASTEST_HZ, math.ceil(rate * _SPARE) + 1)
 
 
-def _video_rate(config: FactoryConfig, cameras: Sequence[DeviceTrack]) -> int:
+def _video_rate(config: FactoryConfig, cameras: Sequence[RecordedTrack]) -> int:
     """Return the rate of videos that has room for the frames of the fastest camera, Hz."""
     rates = [measured_rate(track.times_ns, None) for track in cameras]
     fastest = max((rate for rate in rates if not math.isnan(rate)), default=1.0)

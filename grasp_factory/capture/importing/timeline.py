@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.capture.importing.device_tracks import (
-    DeviceTrack,
+    RecordedTrack,
     SessionTracks,
     gripper_column,
 )
@@ -33,11 +33,11 @@ class EpisodeSpan:
     start_ns: int
     end_ns: int
 
-    def seconds(self, track: DeviceTrack) -> Array:
+    def seconds(self, track: RecordedTrack) -> Array:
         """Return the times of a track since the start, seconds; of all its samples."""
         return (track.times_ns - self.start_ns) / _NS
 
-    def own_times(self, track: DeviceTrack) -> Array:
+    def own_times(self, track: RecordedTrack) -> Array:
         """Return the times of the samples in the episode."""
         return self.seconds(track)[track.within(self.start_ns, self.end_ns)]
 
@@ -108,7 +108,7 @@ def _one(values: Array, column: int | None, count: int) -> Array:
 
 
 def on_timeline(
-    track: DeviceTrack | None,
+    track: RecordedTrack | None,
     arrays: Mapping[str, Array],
     span: EpisodeSpan,
     at: Array,
@@ -168,7 +168,7 @@ def own_series(
     """Return the series at the devices' own times, by group and name."""
     found: dict[str, dict[str, Array]] = {}
 
-    def add(group: str, track: DeviceTrack | None, arrays: Mapping[str, Any]) -> None:
+    def add(group: str, track: RecordedTrack | None, arrays: Mapping[str, Any]) -> None:
         if track is not None:
             inside = track.within(span.start_ns, span.end_ns)
             cut = {name: values[inside] for name, values in arrays.items()}

@@ -53,6 +53,7 @@ def test_an_episode_that_is_sent_and_collected_is_the_same_to_the_byte(
     assert counts["/streams/phase"]["missing"] is None
 
 
+@pytest.mark.soak
 def test_a_bag_that_is_sent_and_collected_is_the_same_to_the_byte(
     topics: TopicCommands, tmp_path: Path
 ) -> None:
@@ -73,6 +74,7 @@ def test_what_is_no_bag_is_refused_in_one_line(topics: TopicCommands, tmp_path: 
     assert "is no ROS bag" in complaint
 
 
+@pytest.mark.soak
 def test_chosen_topics_are_played_slowly_under_other_names(
     topics: TopicCommands, tmp_path: Path
 ) -> None:
@@ -115,6 +117,7 @@ def test_without_a_subscriber_playing_fails_in_one_line(topics: TopicCommands) -
     assert "nobody subscribes to any of 33 topics within 0.5 s" in complaint
 
 
+@pytest.mark.soak
 def test_without_a_publisher_collecting_fails_in_one_line_and_leaves_no_file(
     topics: TopicCommands, tmp_path: Path
 ) -> None:
