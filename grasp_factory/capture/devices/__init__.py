@@ -20,8 +20,8 @@ from grasp_factory.capture.devices.tactile_array import TACTILE_ARRAY_MODEL
 DEVICES: Mapping[str, DeviceModel] = {
     model.name: model
     for model in (
-        REALSENSE_MODEL,
         OPENCV_MODEL,
+        REALSENSE_MODEL,
         BMI088_MODEL,
         ARTICLE_FT_MODEL,
         ATI_NET_FT_MODEL,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.capture.clocks.clock_fit import fit_clock
+from grasp_factory.capture.clocks.clock_fit import ClockFit, fit_clock
 from grasp_factory.capture.clocks.clock_rule import ClockRule
 from grasp_factory.capture.importing.import_settings import ImportSettings
 from grasp_factory.capture.importing.session_contents import SessionContents
@@ -22,6 +22,10 @@ from grasp_factory.signals.timeline import Ticks
 
 GRIPPER = "gripper"
 """Name of the joint whose position is the gripper's width, m."""
+_FEWEST_COUNTED = 100
+"""A period that is known from fewer samples is too uncertain."""
+_COUNT_DRIFT_PPM = 20_000.0
+"""The period is that between the first and the last arrival, which may be late."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,23 +122,42 @@ def is_command(series: DeviceSeries) -> bool:
 def track_of(series: DeviceSeries, settings: ImportSettings) -> RecordedTrack:
     """Return a series on the host's clock; see ``clocks.clock_fit``.
 
+    A device without a clock that samples at a steady rate has the count of its samples as a clock.
+    Samples of other devices have the time of their arrival; those that arrived at once are 1 ns
+    apart, so none is lost.
+
     Raises:
         CaptureError: if its times cannot be used.
     """
     arrived = np.maximum.accumulate(series.log_time_ns)
     latency = settings.latency_s.get(series.device, 0.0)
-    clock: dict[str, Any] = {}
-    if series.device_ns is None:
-        times = arrived - round(latency * 1e9)
-    else:
-        try:
-            fit = fit_clock(series.device_ns, arrived, ClockRule(latency_s=latency))
-        except UsageError as error:
-            raise CaptureError(f"{shown(series.topic)}: {error}") from None
-        times, clock = fit.host_ns, asdict(fit.report())
+    try:
+        fit = _fit(series, arrived, latency)
+    except UsageError as error:
+        raise CaptureError(f"{shown(series.topic)}: {error}") from None
+    if fit is None:
+        order = np.arange(len(arrived))
+        times = np.maximum.accumulate(arrived - order) + order - round(latency * 1e9)
+        return RecordedTrack(series=series, times_ns=times, places=order, clock={})
+    times = fit.host_ns
     before = np.maximum.accumulate(np.concatenate([[np.iinfo(np.int64).min], times[:-1]]))
     places = np.flatnonzero(times > before)
+    clock = {"by": "device" if series.device_ns is not None else "count", **asdict(fit.report())}
     return RecordedTrack(series=series, times_ns=times[places], places=places, clock=clock)
+
+
+def _fit(series: DeviceSeries, arrived: Ticks, latency_s: float) -> ClockFit | None:
+    if series.device_ns is not None:
+        return fit_clock(series.device_ns, arrived, ClockRule(latency_s=latency_s))
+    count = series.sequence if series.sequence is not None else np.arange(len(arrived))
+    if len(count) < _FEWEST_COUNTED or np.diff(count).min() < 1:
+        return None
+    period = (arrived[-1] - arrived[0]) / (count[-1] - count[0])
+    rule = ClockRule(latency_s=latency_s, max_drift_ppm=_COUNT_DRIFT_PPM)
+    fit = fit_clock(np.round((count - count[0]) * period).astype(np.int64), arrived, rule)
+    # Samples that are missing in the count make those after them late by whole periods.
+    is_steady = len(fit.pieces) == 1 and np.median(fit.delays_ns) < period / 2
+    return fit if is_steady else None
 
 
 def gripper_column(contents: SessionContents, track: RecordedTrack | None) -> int | None:
