@@ -34,6 +34,8 @@ from grasp_factory.core.place import place_of
 from grasp_factory.errors import CaptureError, GraspFactoryError, shown
 
 MCAP_FILE, SETTINGS_FILE, SUMMARY_FILE = "session.mcap", "session.yaml", "session.json"
+RECOVERED_FILE = "session.recovered.mcap"
+"""Written by ``capture recover`` beside the file of a killed recorder, and read in its place."""
 CALIBRATION_FOLDER = "calibration"
 MAGIC = b"\x89MCAP0\r\n"
 """With which an MCAP file begins and ends."""
@@ -85,7 +87,7 @@ class SessionReader:
     """An open session; each call of a method reads the file from its start."""
 
     path: Path
-    """The session's folder, for messages."""
+    """The file, for messages."""
     stream: IO[bytes]
     size: int
     """Bytes of the file."""
@@ -143,8 +145,8 @@ class SessionReader:
         tail = self.stream.read(len(MAGIC))
         if head == MAGIC and (tail != MAGIC or self.size == len(MAGIC)):
             raise CaptureError(
-                f"{self.path / MCAP_FILE} has no end: the recording was stopped before it was"
-                f" complete; run `grasp-factory capture recover {self.path}`"
+                f"{self.path} has no end: the recording was stopped before it was complete; run"
+                f" `grasp-factory capture recover {self.path.parent}`"
             )
 
     def _every_record(self) -> Iterator[McapRecord]:
@@ -155,7 +157,7 @@ class SessionReader:
         for record in reader.records:
             self.position = self.stream.tell()
             if isinstance(record, Chunk):
-                CHUNK.check(record.uncompressed_size, f"{self.path / MCAP_FILE}, expanded")
+                CHUNK.check(record.uncompressed_size, f"{self.path}, expanded")
                 yield from breakup_chunk(record, validate_crc=True)
             else:
                 yield record
@@ -163,14 +165,18 @@ class SessionReader:
 
 @contextlib.contextmanager
 def opened_session(path: Path) -> Iterator[SessionReader]:
-    """Yield a reader of the session in a folder. Links in the folder are not followed.
+    """Yield a reader of the session in a folder: of what was recovered, if it was.
+
+    Links in the folder are not followed.
 
     Raises:
         CaptureError: if there is no session.
         IrregularFileError: if its file is a link, or no regular file.
     """
+    folder = place_of(path)
     try:
-        descriptor = (place_of(path) / MCAP_FILE).open()
+        name = RECOVERED_FILE if (folder / RECOVERED_FILE).exists() else MCAP_FILE
+        descriptor = (folder / name).open()
     except OSError as error:
         why = error.strerror or error
         raise CaptureError(
@@ -178,7 +184,7 @@ def opened_session(path: Path) -> Iterator[SessionReader]:
             " that `grasp-factory capture run` made"
         ) from None
     with os.fdopen(descriptor, "rb") as stream:
-        yield SessionReader(path=path, stream=stream, size=os.fstat(descriptor).st_size)
+        yield SessionReader(path=path / name, stream=stream, size=os.fstat(descriptor).st_size)
 
 
 def topic_of(channel: Channel, schema: Schema | None) -> SessionTopic:
@@ -210,4 +216,4 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 def _damaged(path: Path, why: str) -> CaptureError:
-    return CaptureError(f"{path / MCAP_FILE} cannot be read: {shown(why)}")
+    return CaptureError(f"{path} cannot be read: {shown(why)}")

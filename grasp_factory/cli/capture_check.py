@@ -39,7 +39,7 @@ def check(ctx: click.Context, session: Path, *, as_json: bool) -> None:
     Prints rate, gaps and losses of every stream, the measures behind the quality score, and the
     score from 1 to 5. Exits with 1 if a tolerance is missed.
     """
-    require("mcap", "rosbags", extra="privacy")
+    require("mcap", "rosbags", extra="capture")
     from grasp_factory.capture.quality.session_check import check_session
     from grasp_factory.writers.exporters.json_file import finite
 

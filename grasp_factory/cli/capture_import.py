@@ -74,7 +74,7 @@ def capture_import(
     Cuts the session into episodes, labels each, and writes them to a new store. What was not
     measured is NaN or 255 in it. An episode without a label, or of too low quality, is quarantined.
     """
-    require("mcap", "rosbags", extra="privacy")
+    require("mcap", "rosbags", extra="capture")
     from grasp_factory.capture.importing.cuts import read_cuts
     from grasp_factory.capture.importing.import_settings import ImportSettings
     from grasp_factory.capture.importing.importing_store import import_session

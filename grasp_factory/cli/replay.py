@@ -133,7 +133,7 @@ def replay(
     if session is None:
         result = run(path, index)
     else:
-        require("mcap", "rosbags", extra="privacy")
+        require("mcap", "rosbags", extra="capture")
         result = replay_import(path, index, session)
     made = None if plan is None else _write(plan)
     if as_json:

@@ -126,7 +126,7 @@ def test_json_has_null_for_what_cannot_be_known(tmp_path: Path, run: Run) -> Non
 
 def test_without_a_count_the_rate_of_the_settings_tells_what_is_lost(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(size=(501, 6))
-    folder = SessionMaker(settings={"devices": {"ft": {"rate": 1000}}})
+    folder = SessionMaker(settings={"devices": {"ft": {"rate_hz": 1000}}})
     found = check_session(folder.wrench(values, 500.0).write(tmp_path / "in"))
     assert found.inspection.lost == pytest.approx(0.5, abs=0.01)
     assert found.inspection.stream_gap == pytest.approx(2.0)
@@ -134,7 +134,7 @@ def test_without_a_count_the_rate_of_the_settings_tells_what_is_lost(tmp_path: P
 
 @pytest.mark.parametrize("rate", [None, "fast", True, -1, 0, math.inf, {}])
 def test_a_rate_that_is_none_is_unknown(rate: Any) -> None:
-    assert math.isnan(nominal_rate({"devices": {"ft": {"rate": rate}}}, "ft"))
+    assert math.isnan(nominal_rate({"devices": {"ft": {"rate_hz": rate}}}, "ft"))
     assert math.isnan(nominal_rate({"devices": rate}, "ft"))
 
 

@@ -89,14 +89,22 @@ def test_a_session_without_an_end_says_how_to_recover_it(tmp_path: Path, run: Ru
     code, _, err = run("capture", "check", tmp_path / "in")
     assert (code, err.count("\n")) == (1, 1)
     assert f"run `grasp-factory capture recover {tmp_path / 'in'}`" in err
+    (tmp_path / "in/session.json").unlink()  # a killed recorder has written none
+    assert run("capture", "recover", tmp_path / "in")[0] == 0
+    code, _, err = run("capture", "check", tmp_path / "in")
+    assert code == 0, err
 
 
-@pytest.mark.parametrize("command", [("check",), ("blur", "out")])
+@pytest.mark.parametrize("command", [("check",), ("blur", "out"), ("import", "--out", "out")])
 @pytest.mark.parametrize(
     "damage", ["empty", "text", "folder", "link", "pipe", "none", "yaml", "list", "no yaml"]
 )
 def test_what_is_no_session_is_one_line(
-    tmp_path: Path, run: Run, damage: str, command: tuple[str, ...]
+    tmp_path: Path,
+    run: Run,
+    monkeypatch: pytest.MonkeyPatch,
+    damage: str,
+    command: tuple[str, ...],
 ) -> None:
     folder = maker().write(tmp_path / "in")
     file, settings = folder / "session.mcap", folder / "session.yaml"
@@ -115,7 +123,8 @@ def test_what_is_no_session_is_one_line(
         elif damage == "pipe":
             os.mkfifo(file)
     name, *out = command
-    code, _, err = run("capture", name, folder, *(tmp_path / each for each in out))
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run("capture", name, folder, *out)
     assert (code, err.count("\n")) == (1, 1), err
     assert str(folder) in err
     assert not (tmp_path / "out").exists()

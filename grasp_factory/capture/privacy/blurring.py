@@ -14,6 +14,7 @@ from grasp_factory.capture.privacy.face_model import face_model_file
 from grasp_factory.capture.session_reader import (
     CALIBRATION_FOLDER,
     MCAP_FILE,
+    RECOVERED_FILE,
     SETTINGS_FILE,
     SUMMARY_FILE,
 )
@@ -118,7 +119,7 @@ def _files(session: Path) -> tuple[list[Place], list[str]]:
     copied = [place / name for name in found.files if name in kept]
     if CALIBRATION_FOLDER in found.folders:
         copied += files_below(place / CALIBRATION_FOLDER)
-    left_out = {*found.files, *found.folders, *found.others} - {*kept, MCAP_FILE}
+    left_out = {*found.files, *found.folders, *found.others} - {*kept, MCAP_FILE, RECOVERED_FILE}
     return copied, sorted(left_out - {CALIBRATION_FOLDER})
 
 

@@ -169,10 +169,10 @@ def inspect_session(
 
 
 def nominal_rate(settings: Mapping[str, Any], device: str) -> float:
-    """Return the rate that session.yaml gives a device: ``devices.NAME.rate``; NaN without."""
+    """Return the rate that session.yaml gives a device: ``devices.NAME.rate_hz``; NaN without."""
     devices = settings.get("devices")
     found = devices.get(device) if isinstance(devices, Mapping) else None
-    rate: Any = found.get("rate") if isinstance(found, Mapping) else None
+    rate: Any = found.get("rate_hz") if isinstance(found, Mapping) else None
     return float(rate) if is_number(rate) and 0 < rate < 1e9 else math.nan
 
 

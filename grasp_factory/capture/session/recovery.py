@@ -60,6 +60,7 @@ def recover(path: Path) -> Recovery:
         RefusedFileError: if a file of it is a link.
     """
     folder = session_place(path)
+    read_record(folder)  # a damaged one is told before anything is written
     if (folder / RECOVERED).exists():
         raise CaptureError(f"{folder / RECOVERED} exists: this session was recovered before")
     try:
