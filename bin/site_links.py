@@ -1,0 +1,23 @@
+"""For mkdocs: links to files outside of docs/ become their names, because the site lacks them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)\s#]+)(#[^)\s]*)?\)")
+
+
+def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
+    """Return a page's text with no link that leads out of the site."""
+    folder = (DOCS / page.file.src_uri).parent
+
+    def inside(link: re.Match[str]) -> str:
+        target = link[2]
+        if "://" in target or (folder / target).resolve().is_relative_to(DOCS):
+            return link[0]
+        return link[1]
+
+    return LINK.sub(inside, markdown)
