@@ -29,7 +29,7 @@ def info(path: Path, as_json: bool) -> None:
     from grasp_factory.dataset.dataset import Dataset
     from grasp_factory.dataset.summary import array_facts, summarise
 
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     store, arrays = summarise(dataset), array_facts(dataset)
     if as_json:
         more = {"attributes": dict(dataset.attributes), "arrays": arrays}

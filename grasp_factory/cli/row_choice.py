@@ -150,5 +150,5 @@ def _matching(dataset: Dataset, condition: str) -> list[int]:
     items = value if isinstance(value, list) else [value]
     if not all(isinstance(item, str | bool | float) or is_integer(item) for item in items):
         raise UsageError(f"--where {column}: got {shown(value)}, valid: a value, or [a, list]")
-    found: list[int] = dataset.where(**{column: value}).tolist()
+    found: list[int] = dataset.where(**{column: value}).indices.tolist()
     return found

@@ -55,7 +55,7 @@ def examples(path: Path) -> GraspDataset:
 
 
 def plain(path: Path, rows: Any, uses: Iterable[str] = KINDS["vision"], **how: Any) -> Examples:
-    reader = ExampleReader(dataset=Dataset.open(path, **how), uses=tuple(uses), crop=SMALL)
+    reader = ExampleReader(dataset=Dataset(path, **how), uses=tuple(uses), crop=SMALL)
     return reader.read(np.asarray(rows))
 
 
@@ -90,7 +90,7 @@ class TestByIndex:
 
     def test_of_some_rows_are_those_that_have_a_grasp(self, path: Path) -> None:
         every = GraspDataset(path).rows
-        dataset = Dataset.open(path)
+        dataset = Dataset(path)
         planned = np.isfinite(dataset.column("grasp_width"))
         assert every.tolist() == np.flatnonzero(planned).tolist()
         chosen = every[[5, 1, 5, 2]]
@@ -260,7 +260,7 @@ class TestAugmentation:
             )
 
     def test_noise_of_an_opened_dataset_is_its_own(self, path: Path) -> None:
-        noisy = Dataset.open(path, noise="stereo", noise_seed=1)
+        noisy = Dataset(path, noise="stereo", noise_seed=1)
         dataset = GraspDataset(noisy, crop=SMALL)
         dataset.set_epoch(3)
         check(

@@ -84,7 +84,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
-    dataset = Dataset.open(arguments.store)
+    dataset = Dataset(arguments.store)
     examples = GraspDataset(dataset, dataset.committed[: arguments.rows])
     loading: dict[str, Any] = {"batch_size": BATCH, "num_workers": WORKERS}
     loading["persistent_workers"] = True

@@ -105,7 +105,7 @@ def measure(path: Path) -> dict[str, float]:
         out[name] = time.perf_counter() - started
         return result
 
-    dataset = clock("open", lambda: Dataset.open(path))
+    dataset = clock("open", lambda: Dataset(path))
     found = clock("filter on two columns", lambda: dataset.where(success=True, policy="uniform"))
     out["open and filter"] = out["open"] + out["filter on two columns"]
     rows = np.random.default_rng(0).choice(found, 200)

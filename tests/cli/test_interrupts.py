@@ -125,7 +125,7 @@ def check_end(process: subprocess.Popen[str], out: Path, codes: set[int]) -> str
         assert time.monotonic() < deadline, left
         time.sleep(0.02)
     if (out / "zarr.json").exists():
-        dataset = Dataset.open(out)
+        dataset = Dataset(out)
         assert all(dataset.verify(i) for i in dataset.committed.tolist())
     return (stderr.splitlines() or [""])[-1]
 

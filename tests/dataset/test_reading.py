@@ -51,7 +51,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def dataset(path: Path) -> Dataset:
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     assert dataset.committed.tolist() == THERE
     return dataset
 
@@ -106,9 +106,9 @@ class TestRange:
         low, high = data.draw(st.lists(st.sampled_from(known), min_size=2, max_size=2, unique=True))
         asked = Range(*sorted([low, high]))
         want = [i for i in THERE if min(low, high) <= column[i] < max(low, high)]
-        assert dataset.where(**{name: asked}).tolist() == want
+        assert dataset.where(**{name: asked}).indices.tolist() == want
         with_one_more = [i for i in THERE if i in want or column[i] == max(low, high)]
-        assert dataset.where(**{name: [asked, max(low, high)]}).tolist() == with_one_more
+        assert dataset.where(**{name: [asked, max(low, high)]}).indices.tolist() == with_one_more
 
     def test_never_holds_what_is_not_there(self, dataset: Dataset) -> None:
         score = dataset.column("grasp_score")[THERE]
@@ -136,7 +136,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     prepare_store(path, CONFIG, JOINTS, 6, {})
     for block in (0, 1):
         ZarrWriter(path).write_block(block, make_rows(CONFIG, block, 6))
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 ends = st.none() | st.integers(-9, 9)
@@ -159,7 +159,7 @@ class TestSeveralAtOnce:
         assert indices_of(whole[np.array(rows, np.int32)]) == want
 
     def test_every_episode_is_the_one_that_is_read_alone(self, dataset: Dataset) -> None:
-        rows = dataset.where(success=[True, False])
+        rows = dataset.where(success=[True, False]).indices
         for i, episode in zip(rows, dataset[rows], strict=True):
             assert episode.checksum() == dataset[i].checksum()
 
@@ -209,7 +209,7 @@ class TestBlocksOfSomeRows:
         self, path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         opened = opened_shards(monkeypatch)
-        dataset = Dataset.open(path)
+        dataset = Dataset(path)
         for take in (
             lambda: dataset[7:11],
             lambda: dataset[[10, 9, 8, 9]],
@@ -224,7 +224,7 @@ class TestBlocksOfSomeRows:
         copy = Path(shutil.copytree(path, tmp_path / "copy"))
         depth: Any = zarr.open_group(copy, mode="r+")["cameras/front/depth"]
         depth[9] = depth[9] + np.float32(1.0)
-        dataset = Dataset.open(copy, checked=True)
+        dataset = Dataset(copy, checked=True)
         with pytest.raises(StoreError, match="episode 9 is damaged"):
             dataset[8:11]
         assert indices_of(dataset[[10, 8]]) == [10, 8]
@@ -232,7 +232,7 @@ class TestBlocksOfSomeRows:
 
     @pytest.mark.parametrize("how", [{}, {"checked": True}, {"noise": "stereo"}], ids=str)
     def test_are_those_read_alone_however_it_is_opened(self, how: dict[str, Any]) -> None:
-        dataset = Dataset.open(TINY, **how)
+        dataset = Dataset(TINY, **how)
         rows = [3, 0, 2, 3]
         want = [dataset[i].checksum() for i in rows]
         there = pickle.loads(pickle.dumps(dataset))
@@ -251,7 +251,7 @@ class TestLengths:
         store = shutil.copytree(TINY, tmp_path / "tiny.zarr")
         array = zarr.open_array(store / "episodes" / column, mode="r+")
         array[0] = length
-        damaged = Dataset.open(store)
+        damaged = Dataset(store)
         message = f"episode 0 is damaged: episodes/{column}: got {length}, valid: 0 to "
         with pytest.raises(StoreError, match=message):
             damaged[0]
@@ -265,7 +265,7 @@ class TestSplits:
     def test_are_the_rows_of_that_word(self, dataset: Dataset) -> None:
         for name in SPLITS:
             want = [i for i in THERE if make_episode(CONFIG, i).columns["split"] == name]
-            assert dataset.split(name).tolist() == want
+            assert dataset.split(name).indices.tolist() == want
         assert sorted(np.concatenate([dataset.split(name) for name in SPLITS])) == THERE
 
     def test_of_another_name_are_refused(self, dataset: Dataset) -> None:
@@ -376,7 +376,7 @@ class TestBalancedRows:
     @pytest.mark.parametrize("n", [None, 40])
     def test_have_as_many_of_each_value(self, dataset: Dataset, by: str, n: int | None) -> None:
         column = dataset.column(by)
-        rows = dataset.balanced(by=by, n=n, seed=4)
+        rows = dataset.balanced(by=by, n=n, seed=4).indices
         counts = Counter(column[rows].tolist())
         assert set(counts) == set(column[THERE].tolist())
         assert max(counts.values()) - min(counts.values()) <= 1
@@ -387,13 +387,13 @@ class TestBalancedRows:
     def test_hang_on_which_rows_there_are_and_not_on_their_order(
         self, dataset: Dataset, rows: list[int], twice: list[int]
     ) -> None:
-        want = dataset.balanced(THERE, by="split", n=9, seed=1).tolist()
-        assert dataset.balanced([*rows, *twice], by="split", n=9, seed=1).tolist() == want
-        assert dataset.balanced(by="split", n=9, seed=1).tolist() == want
+        want = dataset.balanced(THERE, by="split", n=9, seed=1).indices.tolist()
+        assert dataset.balanced([*rows, *twice], by="split", n=9, seed=1).indices.tolist() == want
+        assert dataset.balanced(by="split", n=9, seed=1).indices.tolist() == want
 
     def test_are_drawn_from_those_that_are_given(self, dataset: Dataset) -> None:
-        rows = dataset.where(policy="uniform")
-        assert set(dataset.balanced(rows, by="split", n=30).tolist()) == set(rows.tolist())
+        rows = dataset.where(policy="uniform").indices
+        assert set(dataset.balanced(rows, by="split", n=30).indices.tolist()) == set(rows.tolist())
 
     @pytest.mark.parametrize(
         ("read", "message"),

@@ -26,7 +26,7 @@ def old(tmp_path: Path) -> Path:
 
 
 def test_it_is_one_without_fingerprints(old: Path) -> None:
-    dataset = Dataset.open(old)
+    dataset = Dataset(old)
     assert dataset.attributes["versions"]["grasp_factory"] == "0.4.0"
     assert FINGERPRINT not in dataset.attributes
     assert not (old / "episodes" / "fingerprint").exists()
@@ -34,7 +34,7 @@ def test_it_is_one_without_fingerprints(old: Path) -> None:
 
 @pytest.mark.parametrize("checked", [False, True])
 def test_it_reads_as_it_was_written(old: Path, *, checked: bool) -> None:
-    dataset = Dataset.open(old, checked=checked)
+    dataset = Dataset(old, checked=checked)
     assert dataset.status.tolist() == [1, 1, 1, 2]
     for i in dataset.committed.tolist():
         assert dataset[i].checksum() == str(dataset.column("checksum")[i])

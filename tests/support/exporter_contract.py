@@ -54,7 +54,7 @@ def make_store(path: Path, **changes: Any) -> Dataset:
     prepare_store(path, config, JOINTS, N, {})
     for block in (0, 1):
         ZarrWriter(path).write_block(block, make_rows(config, block, N, (QUARANTINED,)))
-    return Dataset.open(path, checked=True)
+    return Dataset(path, checked=True)
 
 
 def export_until_killed(
