@@ -137,10 +137,14 @@ def shown(value: Any) -> str:
 def did_you_mean(name: str, valid: Iterable[str]) -> str:
     """Return the hint ``; did you mean 'x'?``, or an empty string if no valid name is close.
 
-    Names that contain the text are closer than names that only look like it: ``lift`` means
+    For several valid names with commas between them, the hint says how a list is written. Names
+    that contain the text are closer than names that only look like it: ``lift`` means
     ``lift_height``, not ``split``.
     """
     name, known = name[:100], sorted(valid)
+    parts = {part.strip() for part in name.split(",")}
+    if len(parts) > 1 and parts.issubset(known):
+        return f"; for any of several: [{name}]"
     close = difflib.get_close_matches(name, known, n=1)
     if len(name) >= LEAST_PART:
         close = [word for word in known if name.casefold() in word.casefold()][:3] or close

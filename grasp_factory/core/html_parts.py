@@ -45,7 +45,8 @@ def html_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
 
 def html_row(tag: str, cells: Iterable[str]) -> str:
     """Return a line of a table from the HTML of its cells; ``tag`` is th or td."""
-    return f"<tr>{''.join(f'<{tag} style="{_CELL}">{cell}</{tag}>' for cell in cells)}</tr>"
+    texts = (f'<{tag} style="{_CELL}">{cell}</{tag}>' for cell in cells)
+    return f"<tr>{''.join(texts)}</tr>"
 
 
 def picture(rgb: NDArray[np.uint8], alt: str, width: int = THUMB_WIDTH) -> str:

@@ -301,7 +301,8 @@ def test_the_examples_in_it_run(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> 
         exec(code, scope)
     assert len(examples) == 2
     dataset = Dataset(tiny)
-    assert scope["rows"].tolist() == dataset.where(split="train", success=True).indices.tolist()
+    train = dataset.where(split="train", success=True)
+    assert scope["train"].indices.tolist() == train.indices.tolist()
     assert scope["word"] == dataset[0].outcome.name.lower()
     assert np.array_equal(scope["before"], dataset.image(0, "front", "rgb", 0))
 

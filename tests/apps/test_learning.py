@@ -444,7 +444,7 @@ def test_chosen_rows_of_the_train_split_alone_are_learned_from(
     stores: tuple[Path, Path], tmp_path: Path, run: Run
 ) -> None:
     learn, test = stores
-    rows = Dataset(learn).split("train")[::2].tolist()
+    rows = Dataset(learn).split("train").indices[::2].tolist()
     (tmp_path / "ids").write_text("\n".join(map(str, rows)))
     said = run(
         "train", learn, "--test", test, "--baseline", "vision", "--epochs", "1",
@@ -466,7 +466,7 @@ def test_rows_of_which_nothing_can_be_learned_are_refused(
     stores: tuple[Path, Path], complaint: Callable[..., tuple[int, str]], tmp_path: Path
 ) -> None:
     learn, test = stores
-    (tmp_path / "ids").write_text("\n".join(map(str, Dataset(learn).split("val"))))
+    (tmp_path / "ids").write_text("\n".join(map(str, Dataset(learn).split("val").indices)))
     code, said = complaint("train", learn, "--test", test, "--ids", tmp_path / "ids")
     assert (code, said.count("\n")) == (2, 1)
     assert "none of which is a train episode with a grasp; valid: some of the" in said
@@ -479,7 +479,7 @@ def test_a_part_with_one_label_is_told_before_anything_is_fitted(
     monkeypatch.setattr("grasp_factory.apps.learning.comparison.fit", None)
     rows = test.where(split="test").indices
     lost = rows[~test.column("success")[rows]]
-    monkeypatch.setattr(Dataset, "split", lambda self, name: lost if name == "test" else rows)
+    monkeypatch.setattr(Dataset, "split", lambda self, name: self[lost if name == "test" else rows])
     with pytest.raises(UsageError, match=r"split test of .*: 0 of \d+ attempts are a success"):
         compare(test, test, Course(crop=CROP))
 

@@ -108,7 +108,7 @@ def measure(path: Path) -> dict[str, float]:
     dataset = clock("open", lambda: Dataset(path))
     found = clock("filter on two columns", lambda: dataset.where(success=True, policy="uniform"))
     out["open and filter"] = out["open"] + out["filter on two columns"]
-    rows = np.random.default_rng(0).choice(found, 200)
+    rows = np.random.default_rng(0).choice(found.indices, 200)
 
     def look(i: int) -> None:
         dataset.image(i, "front", "rgb", 0)

@@ -237,7 +237,7 @@ def test_a_store_of_an_old_version_is_restored(tmp_path: Path) -> None:
     dataset.export("sequences", tmp_path / "export")
     restore(tmp_path / "export", tmp_path / "store.zarr")
     after = Dataset(tmp_path / "store.zarr")
-    assert set(after.fields) == set(dataset.fields)
+    assert set(after.features) == set(dataset.features)
     assert verify(after.path).problems == ()
 
 

@@ -159,9 +159,7 @@ class TestRows:
 
     def test_the_touched_body_is_that_of_a_collision(self, store: Path, index: Index) -> None:
         dataset = Dataset(store)
-        bodies = next(
-            row for row in dataset._fields.values() if row.path.endswith("collision_body")
-        )
+        bodies = dataset.features["episodes/collision_body"]
         for row in rows_of(index):
             body = None
             if row["outcome"] == "collision":

@@ -99,7 +99,7 @@ def test_a_store_of_before_there_were_families_goes_without(store: Path, tmp_pat
 
 
 def test_the_command_prints_the_tables_and_their_numbers(store: Path) -> None:
-    text = CliRunner().invoke(cli, ["info", str(store)]).output
+    text = CliRunner().invoke(cli, ["info", str(store), "--full"]).output
     facts = json.loads(CliRunner().invoke(cli, ["info", str(store), "--json"]).output)
     for family, tally in facts["families"].items():
         line = re.search(rf"^{family} +(\d+) +([\d.]+) %(.*)$", text, re.MULTILINE)

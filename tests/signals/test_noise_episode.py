@@ -150,9 +150,8 @@ class TestDataset:
         assert all(shown.verify(i) for i in shown.committed)
         for column in clean.columns:
             np.testing.assert_array_equal(shown.column(column), clean.column(column))
-        assert (
-            shown.where(success=True).indices.tolist() == clean.where(success=True).indices.tolist()
-        )
+        rows = clean.where(success=True).indices.tolist()
+        assert shown.where(success=True).indices.tolist() == rows
         assert shown.spec(2) == clean.spec(2)
 
     def test_a_suite_of_ones_own_is_taken(self, path: Path) -> None:

@@ -163,7 +163,7 @@ def _blocks(dataset: Dataset) -> list[Any]:
 
 
 def _successes(dataset: Dataset) -> Any:
-    return dataset.where(success=True)
+    return dataset.where(success=True).indices
 
 
 def _arrays(dataset: Dataset) -> list[Any]:

@@ -149,7 +149,7 @@ class ExporterContract(ExportFixtures):
     def test_every_array_is_written_or_left_out_for_a_reason(
         self, exporter: Exporter, dataset: Dataset
     ) -> None:
-        assert exporter.contents.not_mentioned(dataset.fields.values()) == []
+        assert exporter.contents.not_mentioned(dataset.features.values()) == []
         assert all([*exporter.contents.left_out.values(), *exporter.contents.treatment.values()])
 
     def test_it_says_which_rows_it_has(
