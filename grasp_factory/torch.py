@@ -26,7 +26,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.policies.networks.inputs import KINDS, Inputs, TouchWindow, mirrored
 from grasp_factory.signals.grasp_crop import CropShape
-from grasp_factory.signals.noise import SensorNoise
+from grasp_factory.signals.noise import SensorNoise, named_noise
 
 Example = dict[str, Any]
 """The inputs that are used of ``image`` (3, S, S), ``width`` (1,) and ``touch`` (2, 6, R), and
@@ -270,7 +270,7 @@ def _opened(
     rows = store.indices[store.committed]
     if noise is None:
         return store.whole, rows
-    if store.noise.noise is not None:
+    if store.noise.noise != named_noise(None):
         raise UsageError("noise: got one, and a Dataset that was opened with its own, valid: one")
     return Dataset(store.path, noise, noise_seed), rows
 

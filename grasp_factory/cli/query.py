@@ -239,8 +239,8 @@ def _print_table(
 
 def _shown(asked: Query, *, several: bool) -> list[str]:
     """Return the columns of the table: the usual ones, and those that are asked for."""
-    wanted = (*asked.conditions, *asked.sort)
-    more = [each.column for each in wanted if each.column not in (*SHOWN, "store")]
+    wanted = [*(c.column for c in asked.conditions), *(sort.column for sort in asked.sort)]
+    more = [name for name in wanted if name not in (*SHOWN, "store")]
     return [*(["store"] if several else []), *SHOWN[:-1], *dict.fromkeys(more), SHOWN[-1]]
 
 

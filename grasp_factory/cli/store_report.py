@@ -86,7 +86,7 @@ def short_text(store: StoreSummary) -> str:
     ]
     tags = ", ".join(f"{tag} {rows}" for tag, rows in store.tags.items())
     lines = named_lines([*parts, ("tags", tags)], SCREEN, 2)
-    note = "In brackets: success. `info --full`: all tables, arrays, versions and the config."
+    note = "In brackets: success. `info --full`: all tables, arrays, versions, config."
     return "\n\n".join(filter(None, [store_text(store, ["outcome"]), "\n".join(lines), note]))
 
 

@@ -269,6 +269,14 @@ class TestAugmentation:
         with pytest.raises(UsageError, match="noise: got one, and a Dataset that was opened with"):
             GraspDataset(noisy, noise="stereo")
 
+    def test_noise_is_added_to_a_view_of_a_clean_store(self, path: Path) -> None:
+        view = Dataset(path).where(success=[True, False])[3:9]
+        dataset = view.to_torch(crop=SMALL, noise="stereo", noise_seed=2)
+        assert set(dataset.rows.tolist()) <= set(view.indices.tolist())
+        dataset.set_epoch(1)
+        want = plain(path, dataset.rows[:2], noise="stereo", noise_seed=3)
+        check(dataset.__getitems__([0, 1]), want)
+
     @usually_forked
     def test_noise_reaches_workers(self, path: Path, start: str) -> None:
         """The parent has used the same libraries before, some of which have threads."""

@@ -262,8 +262,17 @@ def test_a_store_of_another_config_is_refused(run: Run, store: Path) -> None:
 
 
 class TestInfo:
-    def test_tells_people_what_a_store_holds(self, run: Run, store: Path) -> None:
+    def test_fits_a_screen(self, run: Run, store: Path) -> None:
         result = run("info", store)
+        assert result.code == 0
+        lines = result.out.splitlines()
+        assert len(lines) <= 24
+        assert max(map(len, lines[1:])) <= 80
+        for words in ("4 episodes", "% success", "outcome", "policy", "family", "split"):
+            assert words in result.out
+
+    def test_tells_people_what_a_store_holds(self, run: Run, store: Path) -> None:
+        result = run("info", store, "--full")
         assert result.code == 0
         for words in ("4 episodes", "% success", "policy", "outcome", "object set", "split",
                       "cameras/front/rgb", "4 x 2 x 24 x 32 x 3", "uint8", "rad/s", "kuka_iiwa",
@@ -437,13 +446,13 @@ def test_a_failure_that_is_no_mistake_exits_with_1(
     def fail(*_: Any) -> Any:
         raise StoreError("the store is damaged\nbadly")
 
-    monkeypatch.setattr(Dataset, "open", fail)
+    monkeypatch.setattr(Dataset, "__init__", fail)
     result = run("info", store)
     assert (result.code, result.err) == (1, "Error: the store is damaged badly\n")
 
 
 def test_a_bug_keeps_its_traceback(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Dataset, "open", lambda path: 1 / 0)
+    monkeypatch.setattr(Dataset, "__init__", lambda self, path: 1 / 0)
     monkeypatch.setattr(sys, "argv", ["grasp-factory", "info", str(store)])
     with pytest.raises(ZeroDivisionError):
         main()

@@ -474,7 +474,7 @@ class TestSeveralSeeds:
             prepare_store(mixed, CONFIG, JOINTS, 40, {})
 
     def test_info_shows_where_its_rows_are_from(self, mixed: Path) -> None:
-        done = run("info", mixed)
+        done = run("info", mixed, "--full")
         assert done.returncode == 0, done.stderr
         assert "merged from\nseed  rows  made with\n   0     8  grasp_factory" in done.stdout
 

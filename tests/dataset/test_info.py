@@ -167,7 +167,7 @@ def test_a_store_without_episodes_has_its_tables(tmp_path: Path) -> None:
 class TestPlatforms:
     def test_the_fingerprint_is_told(self, tmp_path: Path, run: Any) -> None:
         store = generated(tmp_path)
-        code, out, _ = run("info", store)
+        code, out, _ = run("info", store, "--full")
         assert code == 0
         assert str(HERE) in out
         assert "platforms" not in out

@@ -167,7 +167,7 @@ def test_info_shows_its_arrays(store: Path, command: Python) -> None:
     assert (rows, arrays["elbow/torque"]["units"]) == (4, "N m")
     assert most * 120 >= arrays["streams/timestamp"]["shape"][1] * 80
     assert {"elbow/timestamp", "episodes/n_elbow"} <= set(arrays)
-    assert "elbow/torque" in command("info", store)
+    assert "elbow/torque" in command("info", store, "--full")
 
 
 def test_verify_accepts_the_store(store: Path, command: Python) -> None:

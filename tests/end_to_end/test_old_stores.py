@@ -46,13 +46,14 @@ def test_it_reads_as_it_was_written(old: Path, *, checked: bool) -> None:
     "words",
     [
         ("info",),
+        ("info", "--full"),
         ("verify",),
         ("query", "--where", "status=committed"),
         ("tags",),
         ("sheet", "sheet.png"),
         ("split", "few.zarr", "--episodes", "0,2"),
     ],
-    ids=lambda words: words[0],
+    ids=" ".join,
 )
 def test_the_commands_take_it_without_complaint(
     old: Path, words: tuple[str, ...], run: Run, monkeypatch: pytest.MonkeyPatch
