@@ -83,7 +83,8 @@ class GraspDataset(TorchDataset[Example]):
         self._noise, self._noise_seed, self._mirror_seed = noise, noise_seed, mirror_seed
         dataset, rows = _opened(store, noise, noise_seed)
         crop, touch = crop or CropShape(), touch or TouchWindow()
-        self._reader = ExampleReader(dataset=dataset, uses=tuple(uses), crop=crop, touch=touch)
+        names = uses if isinstance(uses, str) else tuple(uses)  # a text is refused
+        self._reader = ExampleReader(dataset=dataset, uses=names, crop=crop, touch=touch)
         self._grasps = self._reader.grasps(self._reader.usable(rows))
         _check_number("keep_bytes", keep_bytes, 0)
         self._kept: KeptInputs | None = None

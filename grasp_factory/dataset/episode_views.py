@@ -62,11 +62,14 @@ class EpisodeViews(EpisodeChoice):
         image: NDArray[Any] = self.images([index], camera, kind, frame)[0]
         return image
 
-    def images(self, indices: Iterable[int], camera: str, kind: str, frame: int) -> NDArray[Any]:
+    def images(
+        self, indices: slice | Iterable[int], camera: str, kind: str, frame: int
+    ) -> NDArray[Any]:
         """Return the image of each of K episodes, (K, H, W, ...); each shard is opened once.
 
         Args:
-            indices: the indices of the episodes, in any order; the images have the same order.
+            indices: the indices of the episodes, in any order, or a slice; the images have the
+                same order.
             camera: see ``image``.
             kind: see ``image``.
             frame: see ``image``.
@@ -121,12 +124,13 @@ class EpisodeViews(EpisodeChoice):
         return intrinsics[0], poses[0]
 
     def scenes(
-        self, indices: Iterable[int], kinds: Sequence[str] = IMAGES, frame: int = 0
+        self, indices: slice | Iterable[int], kinds: Sequence[str] = IMAGES, frame: int = 0
     ) -> list[dict[str, CameraImage]]:
         """Return what each camera sees in each of K episodes; each shard is opened once.
 
         Args:
-            indices: the indices of the episodes, in any order; the scenes have the same order.
+            indices: the indices of the episodes, in any order, or a slice; the scenes have the
+                same order.
             kinds: the kinds of images to read; other images are all 0, and need no time or memory.
             frame: 0 before the attempt, 1 after.
 

@@ -319,6 +319,12 @@ class TestAugmentation:
     ("how", "message"),
     [
         ({"uses": ("image", "touhc")}, "unknown input 'touhc'; did you mean 'touch'"),
+        (
+            {"uses": ["rgb"]},
+            r"input 'rgb': it is an image of the whole scene: ds.images\(rows, camera, 'rgb',"
+            r" frame\), or ds\[i\].cameras; valid: image, width, touch",
+        ),
+        ({"uses": "image"}, r"uses: got 'image', valid: a list, such as \['image'\]"),
         ({"uses": ()}, "uses: got no input, valid: some of image, width, touch"),
         ({"noise": "sterio"}, "unknown noise 'sterio'; did you mean 'stereo'"),
         ({"noise": "stereo", "noise_seed": -1}, "noise seed: got -1, valid: a whole number"),

@@ -115,6 +115,10 @@ def measure(path: Path) -> dict[str, float]:
         dataset.image(i, "front", "depth", 0)
         dataset.value(i, "success")
 
+    clock(
+        "where, split, shuffle, ten rows as a table",
+        lambda: found.split("test").shuffle(1)[:10].to_pandas(["success"]),
+    )
     clock("a column of numbers", lambda: dataset.column("object_mass"))
     clock("rgb, depth and label of one of 200 rows", lambda: [look(int(i)) for i in rows])
     out["rgb, depth and label of one of 200 rows"] /= len(rows)

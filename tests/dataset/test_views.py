@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import pickle
+import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.bench_views import few, make
 from hypothesis import given
 from hypothesis import strategies as st
 from support.fake_episodes import JOINTS, make_rows, small_config
@@ -231,8 +234,6 @@ def test_many_rows_are_checked_as_few_are(dataset: Dataset) -> None:
 
 
 def test_annotations_and_labels_of_a_view_are_those_of_its_rows(path: Path, tmp_path: Path) -> None:
-    import shutil
-
     copy = Path(shutil.copytree(path, tmp_path / "copy"))
     AnnotationLog(copy).append("anna", [0, 9], [("tag", "odd")])
     view = Dataset(copy)[[9, 1, 0, 9]]
@@ -256,3 +257,23 @@ def test_a_view_is_a_data_set_of_a_loader(dataset: Dataset) -> None:
 
 def _masses(episodes: list[Any]) -> list[float]:
     return [episode.columns["object_mass"] for episode in episodes]
+
+
+@pytest.mark.soak
+@pytest.mark.slow
+def test_a_million_rows_are_chosen_as_one_by_one(tmp_path: Path) -> None:
+    make(tmp_path / "s", 1_000_000)
+    dataset = Dataset(tmp_path / "s")
+    few(dataset).to_pandas()  # imports pandas
+    start = time.process_time()  # a busy machine does not count
+    view = few(dataset)
+    table = view.to_pandas()
+    assert time.process_time() - start < 2.0
+    columns = [dataset.column(name).tolist() for name in ("success", "policy", "split")]
+    rows = enumerate(zip(*columns, strict=True))
+    want = [row for row, values in rows if values == (False, "top_down", "test")]
+    assert len(dataset) >= 1_000_000
+    assert np.random.default_rng(1).permutation(want)[:10].tolist() == view.indices.tolist()
+    for row, line in zip(view.indices.tolist(), table.to_dict("records"), strict=True):
+        assert line["object_mass"] == dataset.value(row, "object_mass")
+        assert line["object_id"] == dataset.value(row, "object_id")
