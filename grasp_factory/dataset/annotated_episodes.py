@@ -20,14 +20,12 @@ from grasp_factory.errors import UsageError, lookup
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.header import open_store
 from grasp_factory.writers.zarr.label_columns import (
+    NOT_LABELLED,
     added_columns,
     added_labels,
     label_thresholds,
     read_label,
 )
-
-NO_OUTCOME = 255
-"""Outcome by an added label of a row that it does not cover."""
 
 
 class AnnotatedEpisodes(EpisodeViews):
@@ -96,7 +94,7 @@ class AnnotatedEpisodes(EpisodeViews):
             outcome = checked_label(self.path, name, outcome)
         if self._rows.chosen is None:
             return outcome
-        later = np.full(len(self.whole) - len(outcome), NO_OUTCOME, np.uint8)
+        later = np.full(len(self.whole) - len(outcome), NOT_LABELLED, np.uint8)
         return np.concatenate([outcome, later])[self._rows.chosen]
 
     def label_thresholds(self, name: str) -> dict[str, float | None]:

@@ -16,11 +16,11 @@ from grasp_factory.writers.zarr.writer import MISSING, QUARANTINED
 
 
 def chosen_rows(rows: Any, length: int) -> list[int]:
-    """Return the rows that integers, or a mask, choose of a store.
+    """Return the rows that integers, or a mask, choose of a dataset.
 
     Args:
-        rows: integers in any order, or truth values, one for each row of the store.
-        length: number of the store's rows.
+        rows: integers in any order, or truth values, one for each row.
+        length: number of the dataset's rows.
 
     Raises:
         UsageError: for anything else.
@@ -39,6 +39,8 @@ def chosen_rows(rows: Any, length: int) -> list[int]:
     for row in given:
         if not is_integer(row):
             raise UsageError(f"rows: got {shown(row)} among them, {valid}")
+        if not 0 <= row < length:
+            raise UsageError(f"rows: got {shown(row)} among them, valid: 0 to {length - 1}")
     return [int(row) for row in given]
 
 

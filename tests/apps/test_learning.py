@@ -339,7 +339,7 @@ def test_an_object_in_train_and_test_is_no_held_out_object(stores: tuple[Path, P
         def split(self, name: str):
             return honest("train" if name == "test" else name)
 
-    leaky = Leaky.open(stores[0])
+    leaky = Leaky(stores[0])
     with pytest.raises(UsageError, match="is in train and in test"):
         read_splits(leaky, leaky, ["vision"], course, unwatched)
 

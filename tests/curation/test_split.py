@@ -249,7 +249,7 @@ class TestCommand:
             (("--where", "split={a: 1}"), "--where split: got {'a': 1}, valid: a value, or"),
             (("--where", "split="), "--where split: got None, valid: a value, or"),
             (("--where", "split=[a"), "--where split is not valid YAML"),
-            (("--where", "split=nope"), "no episodes of store are chosen"),
+            (("--where", "split=nope"), "no row has split 'nope' (valid: test, train, val)"),
             (("--where", "object_com=1"), "where: object_com has (1, 3) values a row, valid: one"),
             (("--episodes", "1", "--where", "seed=4"), "no episodes of store are chosen"),
         ],

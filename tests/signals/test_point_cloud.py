@@ -176,7 +176,7 @@ class TestAnEpisodesCloud:
     @BOTH
     def test_has_the_target_within_its_bounding_box(self, dataset: Dataset, frame: int) -> None:
         """After an attempt that was cut short things may have moved since the last record."""
-        for i in dataset.committed if frame == 0 else dataset.where(success=True):
+        for i in dataset.committed if frame == 0 else dataset.where(success=True).indices:
             recipe = dataset.spec(i).objects[0]
             corners = find_set(recipe.object_set).model(recipe.object_id).corners() * recipe.scale
             cloud = dataset.point_cloud(i, frame=frame, of="target", in_frame="object")

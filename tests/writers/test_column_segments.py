@@ -93,7 +93,7 @@ class TestPackedColumns:
         for conditions in (
             {"success": True, "policy": "uniform"},
             {"split": ["train", "val"], "outcome": "success"},
-            {"policy": "nope"},
+            {"policy": "uniform", "split": "test"},
         ):
             want = Dataset(loose).where(**conditions).indices.tolist()
             assert Dataset(path).where(**conditions).indices.tolist() == want
