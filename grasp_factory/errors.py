@@ -27,6 +27,11 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+LEAST_PART = 3
+"""Characters that a text needs to be taken for a part of a valid name."""
+MOST_SHOWN = 50
+"""Values of a column that a message lists, and the characters of each."""
+
 EXIT_DONE, EXIT_FAILURE, EXIT_USAGE = 0, 1, 2
 EXIT_INTERRUPTED, EXIT_TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM
 
@@ -130,9 +135,21 @@ def shown(value: Any) -> str:
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:
-    """Return the hint ``; did you mean 'x'?``, or an empty string if no valid name is close."""
-    close = difflib.get_close_matches(name[:100], list(valid), n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    """Return the hint ``; did you mean 'x'?``, or an empty string if no valid name is close.
+
+    For several valid names with commas between them, the hint says how a list is written. Names
+    that contain the text are closer than names that only look like it: ``lift`` means
+    ``lift_height``, not ``split``.
+    """
+    name, known = name[:100], sorted(valid)
+    parts = {part.strip() for part in name.split(",")}
+    if len(parts) > 1 and parts.issubset(known):
+        return f"; for any of several: [{name}]"
+    close = difflib.get_close_matches(name, known, n=1)
+    if len(name) >= LEAST_PART:
+        close = [word for word in known if name.casefold() in word.casefold()][:3] or close
+    words = " or ".join(map(repr, close))
+    return f"; did you mean {words}?" if close else ""
 
 
 def lookup(table: Mapping[str, T], kind: str, name: str) -> T:
@@ -147,3 +164,20 @@ def lookup(table: Mapping[str, T], kind: str, name: str) -> T:
     raise UnknownNameError(
         f"unknown {kind} {shown(name)}{did_you_mean(name, table)} (valid: {valid})"
     )
+
+
+def unknown_value(column: str, value: str, known: Iterable[str]) -> UnknownNameError:
+    """Return the error for a value that no row of a column has.
+
+    Args:
+        column: the name of the column.
+        value: the value.
+        known: the values that rows have. They may come from a stranger's store: the message names
+            a bounded number of them, each cut to a bounded length.
+    """
+    values = sorted({one[:MOST_SHOWN] for one in known})
+    hint = did_you_mean(value, values)
+    valid = ", ".join(values[:MOST_SHOWN]) or "none"
+    if len(values) > MOST_SHOWN:
+        valid += f" and {len(values) - MOST_SHOWN} more"
+    return UnknownNameError(f"no row has {column} {shown(value)}{hint} (valid: {valid})")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset as TorchDataset
 from torch.utils.data import IterableDataset, get_worker_info
@@ -26,7 +26,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.policies.networks.inputs import KINDS, Inputs, TouchWindow, mirrored
 from grasp_factory.signals.grasp_crop import CropShape
-from grasp_factory.signals.noise import SensorNoise
+from grasp_factory.signals.noise import SensorNoise, named_noise
 
 Example = dict[str, Any]
 """The inputs that are used of ``image`` (3, S, S), ``width`` (1,) and ``touch`` (2, 6, R), and
@@ -46,7 +46,6 @@ class GraspDataset(TorchDataset[Example]):
     def __init__(
         self,
         store: Dataset | Path | str,
-        rows: ArrayLike | None = None,
         *,
         uses: Sequence[str] = KINDS["vision"],
         crop: CropShape | None = None,
@@ -59,14 +58,14 @@ class GraspDataset(TorchDataset[Example]):
         """Open a store.
 
         Args:
-            store: The store, or its path.
-            rows: Row numbers, such as ``Dataset.split`` or ``balanced`` return; None for all.
+            store: A dataset, a view of one, such as ``Dataset.split`` or ``balanced`` return, or
+                the path of a store.
             uses: Names of the inputs; ``networks.KINDS`` has those of each network.
             crop: Shape of the images; None for the default.
             touch: Time window of the touch; None for the default.
             noise: Sensor noise, or its name in ``noise.NOISE``, drawn again in each epoch: epoch e
-                has the noise of ``Dataset.open(path, noise, noise_seed + e)``. If ``store`` is a
-                ``Dataset``, it has its own noise, the same in all epochs.
+                has the noise of ``Dataset(path, noise, noise_seed + e)``. A dataset that was
+                opened with noise has its own, the same in all epochs.
             noise_seed: Seed of the noise in epoch 0.
             mirror_seed: Seed for mirroring each example at random along the TCP's x and y, again in
                 each epoch; None for no mirroring.
@@ -75,19 +74,18 @@ class GraspDataset(TorchDataset[Example]):
                 With ``noise``, which differs between epochs, there is no file.
 
         Raises:
-            UsageError: for noise with an opened ``Dataset``, invalid names or seeds, or rows that
-                hold no episode with a grasp.
+            UsageError: for noise with a dataset that has its own, invalid names or seeds, or if no
+                episode has a grasp.
             StoreError: if the store is damaged.
         """
-        if isinstance(store, Dataset) and noise is not None:
-            raise UsageError("noise: got one, and a Dataset, valid: one of them; give the path")
         if mirror_seed is not None:
             _check_number("mirror_seed", mirror_seed, 0)
         self._noise, self._noise_seed, self._mirror_seed = noise, noise_seed, mirror_seed
-        dataset = store if isinstance(store, Dataset) else Dataset.open(store, noise, noise_seed)
+        dataset, rows = _opened(store, noise, noise_seed)
         crop, touch = crop or CropShape(), touch or TouchWindow()
-        self._reader = ExampleReader(dataset=dataset, uses=tuple(uses), crop=crop, touch=touch)
-        self._grasps = self._reader.grasps(self._reader.usable(_rows(dataset, rows)))
+        names = uses if isinstance(uses, str) else tuple(uses)  # a text is refused
+        self._reader = ExampleReader(dataset=dataset, uses=names, crop=crop, touch=touch)
+        self._grasps = self._reader.grasps(self._reader.usable(rows))
         _check_number("keep_bytes", keep_bytes, 0)
         self._kept: KeptInputs | None = None
         if noise is None and keep_bytes:
@@ -182,7 +180,7 @@ class GraspDataset(TorchDataset[Example]):
         epoch = self.epoch
         if self._noise is not None and epoch != self._read_epoch:
             path, seed = self._reader.dataset.path, self._noise_seed + epoch
-            self._reader = replace(self._reader, dataset=Dataset.open(path, self._noise, seed))
+            self._reader = replace(self._reader, dataset=Dataset(path, self._noise, seed))
             self._read_epoch = epoch
         return self._reader
 
@@ -259,20 +257,23 @@ def _owned(example: Example) -> Example:
     return {n: v.clone() if isinstance(v, Tensor) else v for n, v in example.items()}
 
 
-def _rows(dataset: Dataset, rows: ArrayLike | None) -> NDArray[np.int64] | None:
-    """Return row numbers as an array.
+def _opened(
+    store: Dataset | Path | str, noise: str | SensorNoise | None, noise_seed: int
+) -> tuple[Dataset, NDArray[np.int64]]:
+    """Return a whole store, with noise, and the rows of its episodes that are asked for, (K,).
 
     Raises:
-        UsageError: for invalid row numbers, or naming the first row that holds no episode.
+        UsageError: for noise with a dataset that has its own.
     """
-    if rows is None:
-        return None
-    numbers = np.asarray(rows)
-    if numbers.ndim != 1 or (numbers.size and numbers.dtype.kind not in "iu"):
-        raise UsageError(f"rows: got {shown(rows)}, valid: row numbers, as Dataset.where returns")
-    for row in numbers[~np.isin(numbers, dataset.committed)][:1]:
-        raise UsageError(f"rows: {row} holds no episode, valid: those of Dataset.committed")
-    return numbers.astype(np.int64)
+    if not isinstance(store, Dataset):
+        whole = Dataset(store, noise, noise_seed)
+        return whole, whole.committed
+    rows = store.indices[store.committed]
+    if noise is None:
+        return store.whole, rows
+    if store.noise.noise != named_noise(None):
+        raise UsageError("noise: got one, and a Dataset that was opened with its own, valid: one")
+    return Dataset(store.path, noise, noise_seed), rows
 
 
 def _check_number(name: str, value: int, least: int) -> None:

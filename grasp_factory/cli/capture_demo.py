@@ -77,7 +77,7 @@ def capture_demo(
 def _stored(store: Path, row: int) -> Episode:
     from grasp_factory.dataset.dataset import Dataset
 
-    return Dataset.open(store, checked=True)[row]
+    return Dataset(store, checked=True)[row]
 
 
 def _simulated() -> Episode:
@@ -89,4 +89,4 @@ def _simulated() -> Episode:
     with tempfile.TemporaryDirectory(prefix="grasp_factory_demo_") as folder:
         path = Path(folder) / "demo.zarr"
         generate(FactoryConfig(video_hz=30), 1, path, 1)
-        return Dataset.open(path)[0]
+        return Dataset(path)[0]

@@ -112,7 +112,7 @@ def _base(config: Path | None, like: Path | None) -> FactoryConfig | None:
     if config and like:
         raise UsageError("--config and --like: choose one")
     if like:
-        return Dataset.open(like).config
+        return Dataset(like).config
     return FactoryConfig.from_plain(read_yaml(config)) if config else None
 
 

@@ -92,7 +92,7 @@ def export(
     from grasp_factory.writers.exporters.exporting import run_export
 
     *stores, out = paths
-    datasets = [Dataset.open(path, checked=True) for path in stores]
+    datasets = [Dataset(path, checked=True) for path in stores]
     conditions = (*where, f"split={split}") if split else where
     chosen = zip(datasets, chosen_of_each(datasets, where=conditions, **rows), strict=True)
     settings = _settings(assignments)

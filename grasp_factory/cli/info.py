@@ -8,32 +8,45 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
 
 
 @click.command(
     cls=Command,
-    examples=("grasp-factory info grasps.zarr", "grasp-factory info grasps.zarr --json"),
+    examples=(
+        "grasp-factory info grasps.zarr",
+        "grasp-factory info grasps.zarr --full",
+        "grasp-factory info grasps.zarr --json",
+    ),
 )
 @STORE
+@option("--full", is_flag=True, help="Also print all tables, the arrays, the versions, the config.")
 @AS_JSON
-def info(path: Path, as_json: bool) -> None:
+def info(path: Path, full: bool, as_json: bool) -> None:
     """Show the contents and the success rates of a store.
 
-    Counts the episodes of the store at PATH by policy, outcome, object and split, and prints its
-    arrays, software versions and config.
+    Counts the episodes of the store at PATH by outcome, policy, object and split.
     """
-    from grasp_factory.cli.store_report import GROUPS, arrays_text, origin_text, store_text
+    from grasp_factory.cli.store_report import (
+        GROUPS,
+        arrays_text,
+        origin_text,
+        short_text,
+        store_text,
+    )
     from grasp_factory.dataset.dataset import Dataset
     from grasp_factory.dataset.summary import array_facts, summarise
 
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     store, arrays = summarise(dataset), array_facts(dataset)
     if as_json:
         more = {"attributes": dict(dataset.attributes), "arrays": arrays}
         print_json(to_plain(store) | more)
+        return
+    if not full:
+        say(short_text(store))
         return
     say(store_text(store, GROUPS))
     say("\n" + arrays_text(arrays))

@@ -76,7 +76,7 @@ def split(path: Path, out: Path, *, as_json: bool, **options: Any) -> None:
     from grasp_factory.curation.merge import split as run
     from grasp_factory.dataset.dataset import Dataset
 
-    chosen = chosen_rows(Dataset.open(path), **options)
+    chosen = chosen_rows(Dataset(path), **options)
     if chosen is None:
         raise UsageError("no episodes are chosen: name them with --episodes, --ids or --where")
     with counted("on_row") as hooks:

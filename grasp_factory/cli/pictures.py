@@ -71,7 +71,7 @@ def sheet(
     if columns is not None and not tiles:
         raise UsageError("--columns is the number of tiles in a row: add --tiles")
     check_png(out)
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     wanted = listed_rows(path, episodes, ids, None if tiles else dataset.status == COMMITTED)
     shown = camera or next(iter(dataset.config.cameras))
     if tiles:
@@ -114,7 +114,7 @@ def plot(path: Path, episode: int, out: Path | None, camera: str | None, size: s
     out = Path(f"episode_{episode}.png") if out is None else out
     check_png(out)
     width, height = resolution(size)
-    image = plot_episode(Dataset.open(path), episode, camera, (width, height))
+    image = plot_episode(Dataset(path), episode, camera, (width, height))
     write_png(out, image)
     say(out)
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from grasp_factory.dataset.index import Index, Query
 
 SHOWN = ("row", "outcome", "object_id", "policy", "split", "lift_height", "data_quality", "tags")
-"""Columns of the table without --columns."""
+"""Columns of the table without --columns; those of conditions and orders stand before the last."""
 MOST_LINES = 50
 """Rows of the table without --limit."""
 PAGE = 5000
@@ -99,7 +99,7 @@ def query(
     Builds the index if it does not exist, and updates it otherwise.
     """
     from grasp_factory.cli.bars import counted
-    from grasp_factory.dataset.index import Query, fresh
+    from grasp_factory.dataset.index import Query, check_found, fresh
 
     if "help" in where:
         say(_help())
@@ -111,6 +111,7 @@ def query(
     with counted("on_row") as hooks:
         found = fresh(paths, place, **hooks)
     with found:
+        check_found(found, asked)
         if only_count:
             say(found.count(asked))
         elif ids:
@@ -214,7 +215,7 @@ def _print_table(
     from grasp_factory.core.text_format import count, table
 
     several = len(found.stores) > 1
-    chosen = list(names or (("store", *SHOWN) if several else SHOWN))
+    chosen = list(names or _shown(asked, several=several))
     lines: list[list[str]] = []
     total = _rows(
         found,
@@ -234,6 +235,13 @@ def _print_table(
         if len(lines) < total:
             head += f", {len(lines)} shown"
     say(head, err=True)
+
+
+def _shown(asked: Query, *, several: bool) -> list[str]:
+    """Return the columns of the table: the usual ones, and those that are asked for."""
+    wanted = [*(c.column for c in asked.conditions), *(sort.column for sort in asked.sort)]
+    more = [name for name in wanted if name not in (*SHOWN, "store")]
+    return [*(["store"] if several else []), *SHOWN[:-1], *dict.fromkeys(more), SHOWN[-1]]
 
 
 def _kinds() -> dict[str, str]:

@@ -55,7 +55,7 @@ def relabel(path: Path, name: str, as_json: bool, **thresholds: float | None) ->
     from grasp_factory.dataset.dataset import Dataset
 
     given = {key: value for key, value in thresholds.items() if value is not None}
-    settings = to_plain(Dataset.open(path).config.label) | given
+    settings = to_plain(Dataset(path).config.label) | given
     result = run(path, name, from_plain(LabelConfig, settings))
     if as_json:
         print_json(result)

@@ -162,7 +162,7 @@ def _plan(path: Path, index: int, video: Path, given: dict[str, Any]) -> VideoPl
     if len(ends) == 1:
         raise UsageError("--eye and --target belong together: set both")
     view = View(pace=pace, place=free_camera(*ends) if ends else None, **given)
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     return plan_video(dataset, check_index(dataset, index), video, view)
 
 

@@ -45,7 +45,7 @@ def rerun_(path: Path, index: int, out: Path | None, opened: bool) -> None:
     from grasp_factory.apps.rerun.recording import write_recording
     from grasp_factory.dataset.selection import check_index
 
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     index = check_index(dataset, index)
     out = out or default_file(path, index)
     write_recording(dataset, index, out)

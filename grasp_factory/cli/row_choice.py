@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -81,7 +82,7 @@ def chosen_rows(
 
     listed = listed_rows(dataset.path, episodes, ids, dataset.status == COMMITTED)
     lists = [] if listed is None else [listed]
-    return _common([*lists, *(_matching(dataset, condition) for condition in where)])
+    return _common([*lists, *_matching_each(dataset, where)])
 
 
 def chosen_of_each(
@@ -113,7 +114,7 @@ def chosen_of_each(
     for dataset in datasets:
         there = dataset.committed.tolist()
         lists = [there if lines is None else _with_episode(rows_of(lines, dataset.path), dataset)]
-        lists += [_matching(dataset, condition) for condition in where]
+        lists += _matching_each(dataset, where)
         chosen.append(_common(lists) or [])
     return chosen
 
@@ -139,6 +140,24 @@ def _indices(text: str) -> list[int]:
     return [int(word) for word in text.split(",")]
 
 
+def _matching_each(dataset: Dataset, where: Sequence[str]) -> list[list[int]]:
+    """Return the episodes for which each condition holds.
+
+    Raises:
+        UsageError: for a condition that is not valid, or two on a column that exclude each other.
+    """
+    found = {condition: _matching(dataset, condition) for condition in where}
+    for first, second in combinations(found, 2):
+        column, _, value = first.partition("=")
+        other, _, more = second.partition("=")
+        is_never = found[first] and found[second] and not {*found[first]} & {*found[second]}
+        if column == other and is_never:
+            texts = ",".join(text.strip("[]") for text in (value, more))
+            what = f"--where {shown(first)} and {shown(second)}: no episode has both"
+            raise UsageError(f"{what}, valid: {column}=[{texts}] for any of them")
+    return list(found.values())
+
+
 def _matching(dataset: Dataset, condition: str) -> list[int]:
     """Return the episodes for which COLUMN=VALUE holds."""
     column, equals, text = condition.partition("=")
@@ -150,5 +169,5 @@ def _matching(dataset: Dataset, condition: str) -> list[int]:
     items = value if isinstance(value, list) else [value]
     if not all(isinstance(item, str | bool | float) or is_integer(item) for item in items):
         raise UsageError(f"--where {column}: got {shown(value)}, valid: a value, or [a, list]")
-    found: list[int] = dataset.where(**{column: value}).tolist()
+    found: list[int] = dataset.where(**{column: value}).indices.tolist()
     return found

@@ -40,7 +40,7 @@ def stopped_text(path: Path) -> str:
 
     def read() -> None:
         try:
-            made[0] = f"{len(Dataset.open(path).committed)} episodes are in {path}"
+            made[0] = f"{len(Dataset(path).committed)} episodes are in {path}"
         except (GraspFactoryError, OSError):
             made[0] = "no episode is made yet"
 

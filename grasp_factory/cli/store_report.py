@@ -8,7 +8,15 @@ from typing import Any
 import yaml
 
 from grasp_factory.core.platforms import FINGERPRINT, fingerprint_of
-from grasp_factory.core.text_format import bar, count, joined_lines, percent, size_text, table
+from grasp_factory.core.text_format import (
+    bar,
+    count,
+    joined_lines,
+    named_lines,
+    percent,
+    size_text,
+    table,
+)
 from grasp_factory.curation.merge.provenance import SeedSource, stored_sources
 from grasp_factory.dataset.summary import StoreSummary, Tally
 from grasp_factory.writers.zarr.header import SOURCES
@@ -18,6 +26,8 @@ GROUPS = ("policy", "outcome", "object family", "object set", "split", "tag")
 """Tables of a store by their keys."""
 MOST_ROWS = 20
 """Object families and tags that a table lists."""
+SCREEN = 80
+"""Characters of a line of the short text."""
 BAR = 40
 """Characters of a bar that stands for all episodes."""
 
@@ -58,6 +68,26 @@ def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
         "tag": _tag_table(store.tags),
     }
     return "\n\n".join([joined_lines(head), *(tables[g] for g in groups if tables[g])])
+
+
+def short_text(store: StoreSummary) -> str:
+    """Return a store's counts on one screen: the outcomes as a table, the others in a few lines."""
+    groups = {
+        "policy": store.policies,
+        "family": dict(sorted(store.families.items(), key=lambda item: -item[1].episodes)),
+        "split": store.splits,
+    }
+    parts = [
+        (
+            name,
+            ", ".join(f"{key} {t.episodes} ({percent(t.success_rate)})" for key, t in by.items()),
+        )
+        for name, by in groups.items()
+    ]
+    tags = ", ".join(f"{tag} {rows}" for tag, rows in store.tags.items())
+    lines = named_lines([*parts, ("tags", tags)], SCREEN, 2)
+    note = "In brackets: success. `info --full`: all tables, arrays, versions, config."
+    return "\n\n".join(filter(None, [store_text(store, ["outcome"]), "\n".join(lines), note]))
 
 
 def arrays_text(facts: Iterable[Mapping[str, Any]]) -> str:

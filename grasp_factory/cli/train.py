@@ -234,8 +234,8 @@ def _settings(options: dict[str, Any]) -> Any:
 def _open(path: Path, test: Path | None, noise: str | None) -> tuple[Any, Any]:
     from grasp_factory.dataset.dataset import Dataset
 
-    dataset = Dataset.open(path, noise=noise)
-    return dataset, Dataset.open(test, noise=noise) if test else dataset
+    dataset = Dataset(path, noise=noise)
+    return dataset, Dataset(test, noise=noise) if test else dataset
 
 
 def _about(

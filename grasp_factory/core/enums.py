@@ -5,7 +5,17 @@ from __future__ import annotations
 from enum import IntEnum
 
 
-class Outcome(IntEnum):
+class Word(IntEnum):
+    """An integer code with a name, which is what ``str``, ``print`` and f-strings show."""
+
+    def __str__(self) -> str:
+        return self.name.lower()
+
+    def __format__(self, spec: str) -> str:
+        return format(str(self), spec)
+
+
+class Outcome(Word):
     """How an attempt ended. The values are stored in datasets: append new ones, never reorder."""
 
     SUCCESS = 0
@@ -31,7 +41,7 @@ class Outcome(IntEnum):
     """The target stayed in the hand, but the grip was too weak or it moved too far for success."""
 
 
-class Phase(IntEnum):
+class Phase(Word):
     """The part of an attempt that a record belongs to. Stored: append new ones, never reorder."""
 
     PREGRASP = 0
@@ -42,7 +52,7 @@ class Phase(IntEnum):
     SHAKE = 5
 
 
-class Label(IntEnum):
+class Label(Word):
     """The body at a pixel or contact: labels of the scene, independent of the simulator's ids."""
 
     BACKGROUND = 0

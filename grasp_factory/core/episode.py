@@ -21,6 +21,7 @@ from grasp_factory.core.config.scene import MAX_OBJECTS, WorkspaceConfig
 from grasp_factory.core.config.shake import ShakeConfig
 from grasp_factory.core.content_checksum import checksum
 from grasp_factory.core.enums import Outcome
+from grasp_factory.core.episode_display import DisplayedEpisode
 from grasp_factory.core.geometry import Array, Pose
 from grasp_factory.core.gripper import Gripper
 from grasp_factory.core.json_text import parsed
@@ -212,8 +213,8 @@ class CameraFrames:
     """(2, M): the visible share of each object's pixels in the image, without occluded pixels."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Episode:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Episode(DisplayedEpisode):
     """One attempt: recipe, label, the measurements that the label follows from, images, streams."""
 
     spec: EpisodeSpec

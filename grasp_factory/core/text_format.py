@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Iterable, Sequence
+from textwrap import wrap
 
 
 def table(rows: Iterable[Sequence[object]], right: Iterable[int] = ()) -> str:
@@ -41,6 +42,23 @@ def escaped_lines(text: str) -> str:
 def joined_lines(lines: Iterable[str]) -> str:
     """Return texts as lines: each is one line, whatever is in it."""
     return "\n".join(map(escaped, lines))
+
+
+def named_lines(parts: Iterable[tuple[str, str]], widest: int, most: int) -> list[str]:
+    """Return names and texts as lines: a name, and beside it its text in a few lines.
+
+    Args:
+        parts: names of up to 10 characters, and texts.
+        widest: characters of a line.
+        most: lines of a text; what is longer ends with dots.
+    """
+    lines = []
+    for name, text in parts:
+        words = wrap(
+            escaped(text), widest - 13, break_on_hyphens=False, max_lines=most, placeholder=" ..."
+        )
+        lines += [f"  {'' if k else escaped(name):<11}{line}" for k, line in enumerate(words)]
+    return lines
 
 
 def bar(share: float, width: int) -> str:

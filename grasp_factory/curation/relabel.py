@@ -51,7 +51,7 @@ def relabel(path: Path, name: str, thresholds: LabelConfig) -> Relabelled:
         UsageError: for a name that is taken, or a threshold beyond the attempts' shake or lift.
         StoreError: if the store is damaged, or another process is writing to it.
     """
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     strongest = max(dataset.config.shake.levels, default=0.0)
     if thresholds.min_shake > strongest:
         raise UsageError(

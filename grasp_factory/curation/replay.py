@@ -118,7 +118,7 @@ def replay_import(path: Path, index: int, session: Path) -> Replay:
     """
     from grasp_factory.capture.importing.importing_store import import_again  # noqa: PLC0415
 
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     index = check_index(dataset, index)
     spec = dataset.spec(index)
     if spec.recording is None:
@@ -167,7 +167,7 @@ def _words(row: Episode | Quarantined) -> str:
 
 def replay_here(path: Path, index: int, report: SendMessage = _ignore) -> Replay:
     """Do as ``replay`` does, in this process. Nothing is reported."""
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     index = check_index(dataset, index)
     check_simulated(dataset, index)
     embedded_assets.unpack(path, dataset.config)

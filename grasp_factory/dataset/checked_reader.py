@@ -230,6 +230,7 @@ class CheckedColumns:
         """Use a store's columns, and its checked arrays by path."""
         self._columns, self._arrays = columns, arrays
         self.names, self.length = columns.names, columns.length
+        self.block_count = columns.block_count
 
     def read(self, *names: str) -> dict[str, NDArray[Any]]:
         """Return whole columns by name, each (N, ...); see ``Columns.read``.
@@ -243,3 +244,11 @@ class CheckedColumns:
             for name in names:
                 out[name][start:stop] = text.count(self._columns.read_rows(name, start, stop))
         return out
+
+    def gather(self, rows: NDArray[np.int64], *names: str) -> dict[str, NDArray[Any]]:
+        """Return some rows of columns; see ``Columns.gather``.
+
+        Raises:
+            StoreError: if one is damaged.
+        """
+        return self._columns.gather(rows, *names)

@@ -1,56 +1,66 @@
-"""The table of a store's episodes: one row for each episode, and selection of rows by columns."""
+"""The table of a dataset's episodes: one row for each episode, with its columns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.schema import Field
-from grasp_factory.core.splits import SPLITS
-from grasp_factory.dataset.balanced_sampling import draw_evenly
 from grasp_factory.dataset.checked_reader import CheckedColumns
-from grasp_factory.dataset.filters import matching
+from grasp_factory.dataset.features import Features
 from grasp_factory.dataset.row_lookup import RowIndex
-from grasp_factory.errors import UsageError, lookup
+from grasp_factory.errors import lookup
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.writer import COMMITTED
 
+FEW_ROWS = 64
+"""So many rows are always read one by one; of a large store, one in ``FEW_BLOCKS`` blocks.
+
+Otherwise whole columns are read, most of them from packed segments."""
+FEW_BLOCKS = 64
+
 
 class EpisodeTable:
-    """The rows of a store, with any status, and their columns."""
+    """The rows of a store, with any status, or those of a view; and their columns."""
 
     def __init__(
-        self, columns: Columns | CheckedColumns, fields: Mapping[str, Field], rows: RowIndex
+        self, columns: Columns | CheckedColumns, features: Features, rows: RowIndex
     ) -> None:
-        """Use a store's columns, their fields by path, and its row index."""
-        self._columns, self._fields, self._rows = columns, fields, rows
+        """Use a store's columns, its features, and the index of the rows."""
+        self._columns, self._features, self._rows = columns, features, rows
 
     def __len__(self) -> int:
-        """Return the number of rows, with any status."""
-        return self._columns.length
+        """Return the number of rows: of a store with any status, of a view with an episode."""
+        return len(self._rows)
 
     @property
-    def fields(self) -> Mapping[str, Field]:
-        """The fields of the store's arrays, by path: dimensions, type, unit, frame and codes."""
-        return self._fields
+    def features(self) -> Features:
+        """What the store holds: each array by its path, with type, shape, unit and meaning."""
+        return self._features
 
     @property
     def columns(self) -> list[str]:
-        """The names that ``column`` and ``where`` take."""
+        """The names of the columns: ``ds[name]`` reads one, ``where`` has conditions on them."""
         return list(self._columns.names)
 
+    @property
+    def indices(self) -> NDArray[np.int64]:
+        """The store's row of each row, (N,)."""
+        chosen = self._rows.chosen
+        return np.arange(len(self)) if chosen is None else chosen.copy()
+
     def column(self, name: str) -> NDArray[Any]:
-        """Return a whole column, shape (N, ...); rows that are missing hold its fill value.
+        """Return a column as it is stored, shape (N, ...): coded values are numbers.
+
+        ``ds[name]`` returns words instead. Rows that are missing hold the column's fill value.
 
         Raises:
             UnknownNameError: listing the columns.
             StoreError: if it is damaged.
         """
-        self._check_column(name)
-        return self._columns.read(name)[name]
+        return self.read_columns(name)[name]
 
     @property
     def status(self) -> NDArray[np.uint8]:
@@ -60,89 +70,41 @@ class EpisodeTable:
     @property
     def committed(self) -> NDArray[np.int64]:
         """Indices of the rows that hold an episode, ascending."""
+        if self._rows.chosen is not None:
+            return np.arange(len(self))
         return np.flatnonzero(self.status == COMMITTED)
 
-    def where(self, **conditions: Any) -> NDArray[np.int64]:
-        """Return the committed rows, ascending, that fulfil all conditions.
-
-        A condition is a column's name and a value, a ``Range`` of numbers, or a list of these, any
-        of which may match. A text that no row of a text column has, as in ``policy="nope"``,
-        matches no row. NaN equals no value.
-
-        Example: ``where(success=False, outcome=["no_contact", "collision"], split="train")``,
-        ``where(lift_height=Range(at_least=0.05), object_mass=Range(0.1, 0.2))``.
+    def read_columns(self, *names: str) -> dict[str, NDArray[Any]]:
+        """Return several columns by name, each as ``column`` returns it, but read together.
 
         Raises:
-            UnknownNameError: for a column that does not exist, or a name that a column of
-                coded values does not have.
-            UsageError: for a value of another type than the column's, a range for a column that
-                is not numeric, or a column with more than one value per row.
+            UnknownNameError: listing the columns.
+            StoreError: if one is damaged.
         """
-        for name in conditions:
+        for name in names:
             self._check_column(name)
-        columns = self._columns.read("status", *conditions)
-        keep = columns["status"] == COMMITTED
-        for name, value in conditions.items():
-            keep &= matching(self._fields[f"episodes/{name}"], columns[name], value)
-        return np.flatnonzero(keep)
-
-    def split(self, name: str) -> NDArray[np.int64]:
-        """Return the committed rows of ``train``, ``val`` or ``test``, ascending.
-
-        The split is a property of the target object. The other objects of its scene belong to the
-        same split, so that no object of one split occurs in another.
-
-        Raises:
-            UnknownNameError: for another name.
-        """
-        lookup(dict.fromkeys(SPLITS), "split", name)
-        return self.where(split=name)
-
-    def balanced(
-        self,
-        rows: Iterable[int] | None = None,
-        by: str = "success",
-        n: int | None = None,
-        seed: int = 0,
-    ) -> NDArray[np.int64]:
-        """Return randomly drawn rows, with equally many rows of each value of a column.
-
-        The counts of the values differ by at most one. Rows of a value are repeated only if n
-        requires more of them than there are; their numbers of repetitions differ by at most one.
-
-        Args:
-            rows: The rows to draw from, in any order; duplicates are ignored. None for all
-                committed rows.
-            by: A column of strings, booleans or integers.
-            n: How many rows to draw; None for the most that need no repetition.
-            seed: The same rows, n and seed yield the same draw.
-
-        Returns:
-            (n,), in random order.
-
-        Raises:
-            UnknownNameError: for a column that does not exist.
-            UsageError: for a column of another type, for rows with fewer than two different
-                values, or for an invalid n or seed.
-            IndexError, StoreError: for a row that holds no episode.
-        """
-        self._check_column(by)
-        columns = self._columns.read("status", by)
-        values = columns[by]
-        if values.ndim > 1 or values.dtype.kind == "f":
-            has = f"{values.shape[1:]} values a row" if values.ndim > 1 else "real numbers"
-            valid = "one word, truth value or whole number a row, such as success or outcome"
-            raise UsageError(f"balanced: {by} has {has}, valid: {valid}")
-        is_there = columns["status"] == COMMITTED
+        rows = self._rows.chosen
         if rows is None:
-            chosen = np.flatnonzero(is_there)
-        else:
-            chosen = np.unique(self._rows.rows_at(rows))
-            self._rows.several(chosen[~is_there[chosen]][:1])
-        try:
-            return chosen[draw_evenly(values[chosen], n, seed)]
-        except UsageError as error:
-            raise UsageError(f"balanced by {by}: {error}") from None
+            return self._columns.read(*names)
+        if len(rows) <= max(FEW_ROWS, self._columns.block_count // FEW_BLOCKS):
+            return self._columns.gather(rows, *names)
+        return {name: values[rows] for name, values in self._columns.read(*names).items()}
+
+    def _field(self, column: str) -> Field:
+        self._check_column(column)
+        return self._features[f"episodes/{column}"]
 
     def _check_column(self, name: str) -> None:
         lookup(dict.fromkeys(self._columns.names), "column", name)
+
+
+def in_words(field: Field, values: NDArray[Any]) -> NDArray[Any]:
+    """Return the words of coded values of any shape; values of other fields as they are.
+
+    A code without a word is an empty text.
+    """
+    if not field.names:
+        return values
+    count = len(field.names)
+    codes = values.astype(np.int64)
+    return np.array([*field.names, ""])[np.where((codes < 0) | (codes >= count), count, codes)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from grasp_factory.dataset.row_codec import Row, assemble, read_rows
 from grasp_factory.dataset.row_integrity import episode_contents
 from grasp_factory.errors import StoreError
 from grasp_factory.signals.noise import EpisodeNoise
-from grasp_factory.writers.zarr.array_reader import StoredArray, by_block
+from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.writer import COMMITTED
 
 
@@ -47,43 +47,17 @@ class Episodes:
         return self._episode(row, self._rows(row, row + 1)[0])
 
     def several(self, rows: NDArray[np.int64]) -> list[Episode]:
-        """Return the episode of each of K rows; a row that is named twice yields the record twice.
-
-        Raises:
-            StoreError: if one is damaged.
-        """
-        at = {
-            int(row): episode
-            for mine, episodes in self.blocks(np.unique(rows))
-            for row, episode in zip(mine, episodes, strict=True)
-        }
-        return [at[int(row)] for row in rows]
-
-    def blocks(self, rows: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], list[Episode]]]:
-        """Iterate over (rows, episodes) of each block; see ``Dataset.iter_blocks``.
-
-        Raises:
-            StoreError: if one is damaged.
-        """
-        for places in by_block(rows, self._config.block_size):
-            mine = rows[places]
-            yield mine, self._of_block(mine)
-
-    def is_whole(self, row: int) -> bool:
-        """Return whether an episode's values match its checksum."""
-        try:
-            read = self._rows(row, row + 1)[0]
-        except StoreError:
-            return False
-        return checksum(episode_contents(read)) == str(read[schema.CHECKSUM.path])
-
-    def _of_block(self, rows: NDArray[np.int64]) -> list[Episode]:
-        """Return the episodes of some rows of a block.
+        """Return the episode of each of K rows of a block; a row that comes twice yields it twice.
 
         Consecutive rows are read together, also across rows without an episode. Only the
         requested episodes are read.
+
+        Raises:
+            StoreError: if one is damaged.
         """
         wanted = np.unique(rows)
+        if not len(wanted):
+            return []
         start, stop = int(wanted[0]), int(wanted[-1]) + 1
         is_other = self._read(schema.STATUS.path, start, stop) == COMMITTED
         is_other[wanted - start] = False
@@ -94,6 +68,14 @@ class Episodes:
             read = self._rows(first, int(run[-1]) + 1)
             found |= {i: self._episode(i, read[i - first]) for i in run.tolist()}
         return [found[row] for row in rows.tolist()]
+
+    def is_whole(self, row: int) -> bool:
+        """Return whether an episode's values match its checksum."""
+        try:
+            read = self._rows(row, row + 1)[0]
+        except StoreError:
+            return False
+        return checksum(episode_contents(read)) == str(read[schema.CHECKSUM.path])
 
     def _rows(self, start: int, stop: int) -> list[Row]:
         return read_rows(self._read, self._fields, start, stop)

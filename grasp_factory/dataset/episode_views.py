@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import CameraImage
 from grasp_factory.core.geometry import Array
-from grasp_factory.core.schema import Field
 from grasp_factory.dataset.checked_reader import CheckedColumns
-from grasp_factory.dataset.columns import EpisodeTable
+from grasp_factory.dataset.episode_choice import EpisodeChoice
+from grasp_factory.dataset.features import Features
 from grasp_factory.dataset.row_lookup import RowIndex
 from grasp_factory.dataset.sensor_reader import IMAGES, Readings
 from grasp_factory.errors import UsageError, shown
@@ -25,8 +25,8 @@ RIGID = 1e-4
 """Tolerance of R @ R.T to the identity for a rotation R, which may be rounded to float32."""
 
 
-class EpisodeViews(EpisodeTable):
-    """The table of a store, and the sensor data of its rows.
+class EpisodeViews(EpisodeChoice):
+    """The table of a dataset, and the sensor data of its rows.
 
     Attributes:
         config: the configuration that the store was made from.
@@ -37,12 +37,12 @@ class EpisodeViews(EpisodeTable):
     def __init__(
         self,
         columns: Columns | CheckedColumns,
-        fields: Mapping[str, Field],
+        features: Features,
         rows: RowIndex,
         readings: Readings,
     ) -> None:
-        """Use a store's columns, their fields by path, its row index and its readings."""
-        super().__init__(columns, fields, rows)
+        """Use a store's columns, its features, the index of the rows, and its readings."""
+        super().__init__(columns, features, rows)
         self._readings = readings
 
     def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
@@ -62,11 +62,14 @@ class EpisodeViews(EpisodeTable):
         image: NDArray[Any] = self.images([index], camera, kind, frame)[0]
         return image
 
-    def images(self, indices: Iterable[int], camera: str, kind: str, frame: int) -> NDArray[Any]:
+    def images(
+        self, indices: slice | Iterable[int], camera: str, kind: str, frame: int
+    ) -> NDArray[Any]:
         """Return the image of each of K episodes, (K, H, W, ...); each shard is opened once.
 
         Args:
-            indices: the indices of the episodes, in any order; the images have the same order.
+            indices: the indices of the episodes, in any order, or a slice; the images have the
+                same order.
             camera: see ``image``.
             kind: see ``image``.
             frame: see ``image``.
@@ -121,12 +124,13 @@ class EpisodeViews(EpisodeTable):
         return intrinsics[0], poses[0]
 
     def scenes(
-        self, indices: Iterable[int], kinds: Sequence[str] = IMAGES, frame: int = 0
+        self, indices: slice | Iterable[int], kinds: Sequence[str] = IMAGES, frame: int = 0
     ) -> list[dict[str, CameraImage]]:
         """Return what each camera sees in each of K episodes; each shard is opened once.
 
         Args:
-            indices: the indices of the episodes, in any order; the scenes have the same order.
+            indices: the indices of the episodes, in any order, or a slice; the scenes have the
+                same order.
             kinds: the kinds of images to read; other images are all 0, and need no time or memory.
             frame: 0 before the attempt, 1 after.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.schema import Field
 from grasp_factory.core.serialization import is_number
-from grasp_factory.errors import UsageError, lookup, shown
+from grasp_factory.core.splits import SPLITS
+from grasp_factory.errors import UsageError, lookup, shown, unknown_value
 
 _KINDS = {"string": "UT", "bool": "b"}
 """numpy's kinds of values that a column may be compared with, by the column's type.
@@ -54,28 +55,53 @@ class Range:
         return held
 
 
-def matching(row: Field, values: NDArray[Any], wanted: Any) -> NDArray[np.bool_]:
+def matching(
+    row: Field, values: NDArray[Any], wanted: Any, known: Callable[[], Iterable[str]]
+) -> NDArray[np.bool_]:
     """Return, for each value of a column, (N,), whether it is ``wanted`` or one of its items.
 
     Args:
         row: The field of the column.
         values: The values of the column, (N,).
         wanted: A value, a ``Range``, or several of them.
+        known: Returns the texts that the column has in the whole store; it is called only for a
+            text that ``values`` lack.
 
     Raises:
-        UnknownNameError: for a name that a column of coded values does not have.
+        UnknownNameError: for a name that a column of coded values does not have, or a text that
+            a column of texts does not have.
         UsageError: for a value of another type than the column's, a range for a column that is
             not numeric, or a column with more than one value per row.
     """
     name = row.path.removeprefix("episodes/")
     if values.ndim > 1:
         raise UsageError(f"where: {name} has {values.shape[1:]} values a row, valid: one")
+    is_numeric = not row.names and row.dtype not in _KINDS
+    if is_numeric and isinstance(wanted, tuple):
+        low, high = (*map(shown, wanted), "None", "None")[:2]
+        valid = f"Range({low}, {high}) for numbers between, [{low}, {high}] for one of them"
+        raise UsageError(f"where: {name}: got {shown(wanted)}, valid: {valid}")
     several = isinstance(wanted, Iterable) and not isinstance(wanted, str)
-    found = [_equal(row, name, values, item) for item in (wanted if several else [wanted])]
     keep = np.zeros(len(values), np.bool_)
-    for rows in found:
-        keep |= rows
+    for item in wanted if several else [wanted]:
+        held = _equal(row, name, values, item)
+        if row.dtype == "string" and item and not held.any():
+            _check_known(name, str(item), known())
+        keep |= held
     return keep
+
+
+def _check_known(column: str, text: str, known: Iterable[str]) -> None:
+    """Check that a row of the store has a text; a store without any text has no wrong ones.
+
+    Raises:
+        UnknownNameError: naming the nearest and the valid texts.
+    """
+    there = {*known} - {""}
+    if column == "split":
+        there |= {*SPLITS}
+    if there and text not in there:
+        raise unknown_value(column, text, there)
 
 
 def _equal(row: Field, name: str, values: NDArray[Any], item: Any) -> Any:
@@ -93,7 +119,8 @@ def _stored(row: Field, name: str, value: Any) -> Any:
     if row.names and isinstance(value, str):
         return lookup({word: code for code, word in enumerate(row.names)}, name, value)
     if np.asarray(value).dtype.kind not in _KINDS.get(row.dtype, "iuf"):
-        raise UsageError(f"where: {name}: got {shown(value)}, valid: {row.dtype}")
+        more = "" if row.names or row.dtype in _KINDS else ", or Range(at_least, below)"
+        raise UsageError(f"where: {name}: got {shown(value)}, valid: {row.dtype}{more}")
     return value
 
 

@@ -96,7 +96,7 @@ def forecast(
     check_names(config)
     check_renderer(config.renderer)
     check_platform(request)
-    there = len(Dataset.open(request.out)) if (target / "zarr.json").exists() else 0
+    there = len(Dataset(request.out)) if (target / "zarr.json").exists() else 0
     length = max(there, request.n)
     missing, part = _missing(request, there, length), shard_rows(request)
     wanted = np.intersect1d(missing, part, assume_unique=True)

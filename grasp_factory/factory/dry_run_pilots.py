@@ -98,7 +98,7 @@ def run_pilot_blocks(
         facts, files = origin_attributes(config, robot), embedded_assets.packed(config)
         prepare_store(store, config, len(robot.arm_joints), length, facts, carried=files)
         prepared = time.monotonic()
-        empty_bytes = summarise(Dataset.open(store)).bytes
+        empty_bytes = summarise(Dataset(store)).bytes
 
         def hear(message: Made | Pilot) -> None:
             if isinstance(message, Made):
@@ -116,7 +116,7 @@ def run_pilot_blocks(
             pilots=tuple(pilots),
             prepare_seconds=prepared - begun,
             start_seconds=_mean_start(pilots) - called,
-            store=summarise(Dataset.open(store)),
+            store=summarise(Dataset(store)),
             finish_seconds=time.monotonic() - max(pilot.ended for pilot in pilots),
             empty_bytes=empty_bytes,
         )

@@ -177,7 +177,7 @@ def _lock(request: Request) -> StoreLock | ShardLock:
 
 
 def _plan(request: Request) -> RunPlan:
-    length, size = len(Dataset.open(request.out)), request.config.block_size
+    length, size = len(Dataset(request.out)), request.config.block_size
     if length < request.n:
         raise StoreBusyError(
             f"{request.out} has room for {length} episodes, and cannot grow to {request.n} while"
@@ -211,5 +211,5 @@ def _summary(request: Request, plan: RunPlan, seconds: float) -> Summary:
         episodes_per_second=round(plan.to_make / seconds, 3) if plan.blocks else None,
         quarantined=reasons,
         failed=len(bad) > request.max_failures * len(rows),
-        store=summarise(Dataset.open(request.out)),
+        store=summarise(Dataset(request.out)),
     )

@@ -30,7 +30,7 @@ def check_platform(request: Request) -> None:
     path = request.out
     if not (locate(path) / "zarr.json").exists() or not len(rows_to_make(request)):
         return
-    attributes = Dataset.open(path).attributes
+    attributes = Dataset(path).attributes
     known = fingerprint_of(attributes)
     found = difference(known, fingerprint(request.config))
     if not found:
@@ -47,13 +47,13 @@ def check_platform(request: Request) -> None:
 
 def rows_to_make(request: Request) -> NDArray[np.int64]:
     """Return the rows that a request has to make in its part of an existing store."""
-    part, length = shard_rows(request), len(Dataset.open(request.out))
+    part, length = shard_rows(request), len(Dataset(request.out))
     missing = missing_rows(request.out, quarantined=request.retry_quarantined)
     return part[np.isin(part, missing) | (part >= length)]
 
 
 def warn_of_other_versions(path: Path) -> None:
     """Warn if a store that is continued was begun with other versions."""
-    if changed := changed_versions(Dataset.open(path).attributes):
+    if changed := changed_versions(Dataset(path).attributes):
         what = f"{path} was begun with other versions ({'; '.join(changed)})"
         warnings.warn(f"{what}: bytes may differ from there", GraspFactoryWarning, stacklevel=3)

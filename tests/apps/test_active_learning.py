@@ -522,7 +522,7 @@ class TestTurning:
         for turns in told["arms"].values():
             assert [turn["round"] for turn in turns] == [0, 1]
             for turn in turns:
-                dataset = Dataset.open(made / turn["store"]["path"])
+                dataset = Dataset(made / turn["store"]["path"])
                 assert turn["store"]["config_sha256"] == dataset.config.sha256()
                 assert turn["store"]["seed"] == dataset.config.seed
                 assert turn["store"]["episodes"] == len(dataset.committed)
@@ -531,7 +531,7 @@ class TestTurning:
                     model = load_model((made / facts["path"]).read_bytes())
                     assert model.sha256 == facts["sha256"]
                     assert list(model.facts["stores"]) == sorted(turn["learned_from"])
-            chosen = Dataset.open(made / turns[1]["store"]["path"]).config
+            chosen = Dataset(made / turns[1]["store"]["path"]).config
             first = turns[0]["models"][0]["sha256"]
             assert turns[1]["choice"]["model_sha256"] == first == chosen.models["learned"]
         assert told["gains"][0]["episodes"] == 40
@@ -540,7 +540,7 @@ class TestTurning:
     def test_the_arms_share_round_0_and_differ_in_selection_alone(self, made: Path) -> None:
         told = json.loads((made / FILE).read_bytes())["arms"]
         assert told["active"][0] == told["random"][0]
-        stores = [Dataset.open(made / arm / "round1.zarr") for arm in ("active", "random")]
+        stores = [Dataset(made / arm / "round1.zarr") for arm in ("active", "random")]
         plain = [store.config.to_plain() for store in stores]
         where = "policy_parameters.learned.prefer"
         assert first_difference(*plain) == f"{where}: 'uncertain' against 'random'"
@@ -550,9 +550,9 @@ class TestTurning:
 
     def test_what_is_judged_on_was_never_learned_from(self, made: Path) -> None:
         for name in ("round0.zarr", "active/round1.zarr", "random/round1.zarr"):
-            assert set(Dataset.open(made / name).column("split")) <= {"train", "val"}
-        tried = [Dataset.open(made / arm / "tries.zarr") for arm in ARMS]
-        judged = Dataset.open(made / "evaluation.zarr")
+            assert set(Dataset(made / name).column("split")) <= {"train", "val"}
+        tried = [Dataset(made / arm / "tries.zarr") for arm in ARMS]
+        judged = Dataset(made / "evaluation.zarr")
         assert set(judged.column("split")) == {"test"} <= set(SPLITS)
         for store in tried:
             assert np.array_equal(store.column("object_id"), judged.column("object_id")[:4])

@@ -160,8 +160,8 @@ def test_a_storage_file_alone_is_a_bag_whatever_it_is_called(tmp_path: Path) -> 
 
 
 def test_an_exported_bag_is_imported_with_the_values_of_the_store(tmp_path: Path) -> None:
-    episode = Dataset.open(TINY)[0]
-    Dataset.open(TINY).export("rosbag1", tmp_path / "bags", [0])
+    episode = Dataset(TINY)[0]
+    Dataset(TINY).export("rosbag1", tmp_path / "bags", [0])
     import_bag(tmp_path / "bags/000000.bag", tmp_path / "out", "sequences")
     sequence = tmp_path / "out/sequences/00"
     for k, image in enumerate(episode.cameras["front"].rgb):

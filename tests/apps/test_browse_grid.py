@@ -420,7 +420,7 @@ def test_a_selection_survives_pages_and_a_reload_and_makes_the_dataset_of_the_sa
     out = tmp_path / "out.zarr"
     command = [sys.executable, "-m", "grasp_factory", "split", store, out, "--ids", file]
     subprocess.run(list(map(str, command)), check=True, capture_output=True)
-    assert Dataset.open(out).column("index").tolist() == wanted
+    assert Dataset(out).column("index").tolist() == wanted
     file.unlink()
 
 
@@ -608,7 +608,7 @@ def test_a_list_of_several_stores_names_them_and_a_command_takes_its_own(
     out = tmp_path / "out.zarr"
     command = [sys.executable, "-m", "grasp_factory", "split", stores[1], out, "--ids", file]
     subprocess.run(list(map(str, command)), check=True, capture_output=True)
-    assert Dataset.open(out).column("index").tolist() == [1]
+    assert Dataset(out).column("index").tolist() == [1]
     file.unlink()
     assert tab.trouble() == []
 

@@ -100,12 +100,12 @@ def own_store(stores: tuple[Path, Path], tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def real(stores: tuple[Path, Path]) -> Dataset:
-    return Dataset.open(stores[REAL])
+    return Dataset(stores[REAL])
 
 
 @pytest.fixture(scope="module")
 def fake(stores: tuple[Path, Path]) -> Dataset:
-    return Dataset.open(stores[FAKE])
+    return Dataset(stores[FAKE])
 
 
 @pytest.fixture

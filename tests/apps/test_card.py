@@ -207,7 +207,7 @@ def test_every_table_is_well_formed_and_names_stay_what_they_are(card: Path) -> 
 
 
 def test_the_counts_are_those_of_info(store: Path, card: Path) -> None:
-    counted = summarise(Dataset.open(store))
+    counted = summarise(Dataset(store))
     found = {rows[0][0]: rows[1:] for rows in tables(text_of(card))}
     for title, tallies in (
         ("policy", counted.policies),
@@ -225,11 +225,11 @@ def test_the_counts_are_those_of_info(store: Path, card: Path) -> None:
 
 
 def test_the_objects_of_a_split_are_counted_once(store: Path, card: Path) -> None:
-    dataset = Dataset.open(store)
+    dataset = Dataset(store)
     splits, ids = dataset.column("split"), dataset.column("object_id")
     found = next(rows for rows in tables(text_of(card)) if rows[0][0] == "split")
     for name, objects, *_ in found[1:]:
-        rows = dataset.where(split=name)
+        rows = dataset.where(split=name).indices
         assert int(objects) == len(set(ids[rows].tolist()))
     assert [row[0] for row in found[1:]] == [s for s in ("train", "val", "test") if s in splits]
 
@@ -300,8 +300,9 @@ def test_the_examples_in_it_run(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> 
     for code in examples:
         exec(code, scope)
     assert len(examples) == 2
-    dataset = Dataset.open(tiny)
-    assert scope["rows"].tolist() == dataset.where(split="train", success=True).tolist()
+    dataset = Dataset(tiny)
+    train = dataset.where(split="train", success=True)
+    assert scope["train"].indices.tolist() == train.indices.tolist()
     assert scope["word"] == dataset[0].outcome.name.lower()
     assert np.array_equal(scope["before"], dataset.image(0, "front", "rgb", 0))
 
@@ -310,14 +311,14 @@ def test_the_config_beside_it_is_that_of_the_store(tiny: Path, run: Run) -> None
     file = Path(write_card(tiny).path, "config.yaml")
     code, out, _ = run("generate", "--config", file, "--print-config")
     assert code == 0
-    printed, config = yaml.safe_load(out), Dataset.open(tiny).config
+    printed, config = yaml.safe_load(out), Dataset(tiny).config
     assert {key: printed[key] for key in config.to_plain()} == config.to_plain()
     assert file.read_text() in text_of(file.parent)
 
 
 def test_added_labels_are_told_and_in_the_table(tiny: Path) -> None:
     relabel(tiny, "gentle", LabelConfig(min_shake=0.5, max_slip_distance=0.001))
-    card, dataset = Path(write_card(tiny).path), Dataset.open(tiny)
+    card, dataset = Path(write_card(tiny).path), Dataset(tiny)
     label = dataset.label("gentle")
     found = next(rows for rows in tables(text_of(card)) if rows[0][0] == "label")
     share = f"{100 * np.mean(label == Outcome.SUCCESS):.1f} %"
@@ -392,7 +393,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def test_the_table_has_every_value_of_the_dataset_bit_for_bit(store: Path, card: Path) -> None:
-    want, found = expected(Dataset.open(store)), records(card)
+    want, found = expected(Dataset(store)), records(card)
     assert list(found[0]) == list(want)
     for name, values in want.items():
         kind: Callable[[str], Any] = type(values[0])
@@ -429,7 +430,7 @@ def test_croissant_alone_misses_only_the_date(store: Path, tmp_path: Path) -> No
 
 
 def test_croissants_records_are_the_datasets(store: Path, described: mlcroissant.Dataset) -> None:
-    want, found = expected(Dataset.open(store)), list(described.records("episodes"))
+    want, found = expected(Dataset(store)), list(described.records("episodes"))
     assert len(found) == len(want["row"])
     for name, values in want.items():
         for record, value in zip(found, values, strict=True):
@@ -450,7 +451,7 @@ def test_croissant_says_where_the_stores_files_are(tiny: Path, tmp_path: Path) -
     write_card(inner, tmp_path, force=True)
     text = (tmp_path / "croissant.json").read_text()
     assert '"data/a[[]b].zarr/**"' in text
-    assert 'Dataset.open("data/a[b].zarr")' in text_of(tmp_path)
+    assert 'Dataset("data/a[b].zarr")' in text_of(tmp_path)
 
 
 # Figures ----------------------------------------------------------------------------------------
@@ -522,7 +523,7 @@ def test_nothing_that_a_store_says_is_markup_in_its_card(
     assert "&#60;img" in shown
     assert not re.search(r"<img|\]\(java|javascript:", shown)
     config = FactoryConfig.from_plain(yaml.safe_load((card / "config.yaml").read_text()))
-    assert config == Dataset.open(hostile).config
+    assert config == Dataset(hostile).config
 
 
 def test_the_store_is_only_read(store: Path, tmp_path: Path) -> None:
@@ -673,7 +674,7 @@ def test_without_a_store_or_episodes_there_is_nothing_to_describe(
 
 
 def test_the_stores_own_licence_is_the_default_and_a_name_of_the_hubs(tiny: Path) -> None:
-    assert write_card(tiny).licence == Dataset.open(tiny).attributes["license"].lower()
+    assert write_card(tiny).licence == Dataset(tiny).attributes["license"].lower()
     assert write_card(tiny, publication=Publication(licence="odbl")).licence == "odbl"
     assert licence_url("odbl") == "https://spdx.org/licenses/ODbL-1.0.html"
     assert licence_url("unknown") == "unknown"

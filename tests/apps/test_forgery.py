@@ -65,10 +65,10 @@ def page(tmp_path: Path) -> Callable[[Path], FlaskClient]:
 def test_a_picture_of_a_forged_store_is_not_shown_for_the_store_that_it_copies(
     honest: Path, forged: Path, page: Callable[[Path], FlaskClient]
 ) -> None:
-    own = thumbnail(Dataset.open(honest), 0, "front", 0)
-    theirs = thumbnail(Dataset.open(forged), 0, "front", 0)
+    own = thumbnail(Dataset(honest), 0, "front", 0)
+    theirs = thumbnail(Dataset(forged), 0, "front", 0)
     assert own != theirs
-    assert Dataset.open(honest).value(0, "checksum") == Dataset.open(forged).value(0, "checksum")
+    assert Dataset(honest).value(0, "checksum") == Dataset(forged).value(0, "checksum")
     assert page(forged).get("/thumb/0/0.jpg").data == theirs
     assert page(honest).get("/thumb/0/0.jpg").data == own
     assert page(forged).get("/thumb/0/0.jpg").data == theirs

@@ -277,7 +277,7 @@ def test_shuffled_labels_teach_nothing() -> None:
 @pytest.mark.soak
 @pytest.mark.skipif(not IS_SOAK, reason="few episodes teach too little")
 def test_shuffled_labels_of_real_episodes_teach_nothing(stores: tuple[Path, Path]) -> None:
-    learn, test = map(Dataset.open, stores)
+    learn, test = map(Dataset, stores)
     course = Course(kinds=("vision",), settings=TrainSettings(epochs=10))
     splits = read_splits(learn, test, ["vision"], course, unwatched)
 
@@ -304,7 +304,7 @@ def test_held_out_episodes_have_no_part_in_training() -> None:
 
 
 def test_touch_is_judged_on_what_got_to_the_lift(stores: tuple[Path, Path]) -> None:
-    dataset = Dataset.open(stores[1])
+    dataset = Dataset(stores[1])
     lifted = ExampleReader(dataset=dataset, uses=(TOUCH,)).usable()
     by_hand = [
         row
@@ -316,7 +316,7 @@ def test_touch_is_judged_on_what_got_to_the_lift(stores: tuple[Path, Path]) -> N
 
 
 def test_a_comparison_has_every_baseline_on_its_population(stores: tuple[Path, Path]) -> None:
-    learn, test = map(Dataset.open, stores)
+    learn, test = map(Dataset, stores)
     found = compare(learn, test, Course(episodes=60, settings=QUICK, crop=CROP))
     attempts, lifts = found.populations["attempts"], found.populations["lifts"]
     assert list(attempts.scores) == ["majority", "pose", "vision"]
@@ -331,7 +331,7 @@ def test_a_comparison_has_every_baseline_on_its_population(stores: tuple[Path, P
 
 
 def test_an_object_in_train_and_test_is_no_held_out_object(stores: tuple[Path, Path]) -> None:
-    dataset = Dataset.open(stores[0])
+    dataset = Dataset(stores[0])
     honest = dataset.split
     course = Course(kinds=("vision",), crop=CROP)
 
@@ -339,13 +339,13 @@ def test_an_object_in_train_and_test_is_no_held_out_object(stores: tuple[Path, P
         def split(self, name: str):
             return honest("train" if name == "test" else name)
 
-    leaky = Leaky.open(stores[0])
+    leaky = Leaky(stores[0])
     with pytest.raises(UsageError, match="is in train and in test"):
         read_splits(leaky, leaky, ["vision"], course, unwatched)
 
 
 def test_a_curve_has_nested_parts_and_every_seed(stores: tuple[Path, Path]) -> None:
-    learn, test = map(Dataset.open, stores)
+    learn, test = map(Dataset, stores)
     steps = Steps(kind="touch", sizes=(15, 40), seeds=2)
     course = Course(kinds=("touch",), settings=QUICK)
     curve = learning_curve(learn, test, steps, course)
@@ -444,7 +444,7 @@ def test_chosen_rows_of_the_train_split_alone_are_learned_from(
     stores: tuple[Path, Path], tmp_path: Path, run: Run
 ) -> None:
     learn, test = stores
-    rows = Dataset.open(learn).split("train")[::2].tolist()
+    rows = Dataset(learn).split("train").indices[::2].tolist()
     (tmp_path / "ids").write_text("\n".join(map(str, rows)))
     said = run(
         "train", learn, "--test", test, "--baseline", "vision", "--epochs", "1",
@@ -454,7 +454,7 @@ def test_chosen_rows_of_the_train_split_alone_are_learned_from(
     report = json.loads((tmp_path / "t" / "report.json").read_text())
     assert report["course"]["rows"] == rows
     course = Course(kinds=("vision",), rows=rows)
-    dataset, judge = Dataset.open(learn), Dataset.open(test)
+    dataset, judge = Dataset(learn), Dataset(test)
     splits = read_splits(dataset, judge, ["vision"], course, unwatched)
     whole = read_splits(dataset, judge, ["vision"], Course(kinds=("vision",)), unwatched)
     learned_from = report["populations"]["attempts"]["train_episodes"]
@@ -466,7 +466,7 @@ def test_rows_of_which_nothing_can_be_learned_are_refused(
     stores: tuple[Path, Path], complaint: Callable[..., tuple[int, str]], tmp_path: Path
 ) -> None:
     learn, test = stores
-    (tmp_path / "ids").write_text("\n".join(map(str, Dataset.open(learn).split("val"))))
+    (tmp_path / "ids").write_text("\n".join(map(str, Dataset(learn).split("val").indices)))
     code, said = complaint("train", learn, "--test", test, "--ids", tmp_path / "ids")
     assert (code, said.count("\n")) == (2, 1)
     assert "none of which is a train episode with a grasp; valid: some of the" in said
@@ -475,11 +475,11 @@ def test_rows_of_which_nothing_can_be_learned_are_refused(
 def test_a_part_with_one_label_is_told_before_anything_is_fitted(
     stores: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    test = Dataset.open(stores[1])
+    test = Dataset(stores[1])
     monkeypatch.setattr("grasp_factory.apps.learning.comparison.fit", None)
-    rows = test.where(split="test")
+    rows = test.where(split="test").indices
     lost = rows[~test.column("success")[rows]]
-    monkeypatch.setattr(Dataset, "split", lambda self, name: lost if name == "test" else rows)
+    monkeypatch.setattr(Dataset, "split", lambda self, name: self[lost if name == "test" else rows])
     with pytest.raises(UsageError, match=r"split test of .*: 0 of \d+ attempts are a success"):
         compare(test, test, Course(crop=CROP))
 

@@ -491,7 +491,7 @@ class TestARealRun:
         made = [state["made"] for state in states]
         assert made == sorted(made)
         last = states[-1]
-        dataset = Dataset.open(out)
+        dataset = Dataset(out)
         assert (last["phase"], last["made"], last["to_make"]) == ("finished", 12, 12)
         assert last["waiting"] == 0
         assert sorted(entry["row"] for entry in last["latest"]) == list(range(12))
@@ -553,10 +553,10 @@ class TestARealRun:
             assert last_line.startswith("Stopped: ")
             assert last_line.endswith("run the same command again to continue.")
             assert "Traceback" not in run.err
-        there = len(Dataset.open(out).committed)
+        there = len(Dataset(out).committed)
         with running(out, there + 1) as run:
             assert run.wait() == 0
-        assert len(Dataset.open(out).committed) > there
+        assert len(Dataset(out).committed) > there
 
 
 class TestTheOptions:

@@ -54,7 +54,7 @@ def differing(a: np.ndarray, b: np.ndarray) -> float:
 
 @pytest.fixture(scope="module")
 def episode() -> Episode:
-    return Dataset.open(TINY)[0]
+    return Dataset(TINY)[0]
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ class TestAPlayback:
     @pytest.mark.parametrize("camera", ["front", "wrist"])
     def test_shows_every_frame_of_the_recorded_videos(self, camera: str) -> None:
         """Of a robot, objects, and a moving camera that the physics had moved."""
-        for episode in Dataset.open(varied()):
+        for episode in Dataset(varied()):
             place = stored_or_named_camera(episode.spec, camera)
             with PosedWorld() as world:
                 shown = Playback(world, episode, place, episode.spec.resolution)
@@ -384,7 +384,7 @@ class TestCommand:
         monkeypatch.chdir(tmp_path)
         before = tree(TINY)
         code, out, err = run("replay", TINY, 2, "--video", name, "--fps", 10, "--json")
-        facts, episode = json.loads(out), Dataset.open(TINY)[2]
+        facts, episode = json.loads(out), Dataset(TINY)[2]
         assert (code, err) == (0 if facts["same"] else 1, "")
         assert facts["recorded"] == "collision"
         assert tree(TINY) == before
@@ -410,7 +410,7 @@ class TestCommand:
         assert code in {0, 1}
         assert out.endswith("v.mp4\n")
         frames, _ = frames_of(tmp_path / "v.mp4")
-        duration = Dataset.open(TINY)[2].streams["timestamp"][-1]
+        duration = Dataset(TINY)[2].streams["timestamp"][-1]
         assert len(frames) == int(np.ceil(duration / 0.5 * 5)) + 5
         assert frames[0].shape == (120, 160, 3)
 
@@ -475,7 +475,7 @@ def test_an_attempt_that_never_started_is_a_picture_for_a_second(
 ) -> None:
     class One:
         status, path = [1], TINY
-        config = Dataset.open(TINY).config
+        config = Dataset(TINY).config
 
         def __getitem__(self, index: int) -> Episode:
             return never_started

@@ -40,12 +40,12 @@ from grasp_factory.writers.zarr.writer import ZarrWriter
 
 pytestmark = pytest.mark.slow
 
-DATASET = Dataset.open(TINY)
+DATASET = Dataset(TINY)
 PAD = (0.02, 0.05)
 
 
 def row_of(success: bool) -> int:
-    return int(DATASET.where(success=success)[0])
+    return int(DATASET.where(success=success).indices[0])
 
 
 def subject(episode: Episode, **more: Any) -> Subject:
@@ -184,7 +184,7 @@ class TestFigure:
         assert [word for word in names(Phase) if word not in text] == []
 
     def test_a_loss_is_marked_at_its_time_in_every_panel(self) -> None:
-        row = int(DATASET.where(outcome="lost_in_lift")[0])
+        row = int(DATASET.where(outcome="lost_in_lift").indices[0])
         episode = DATASET[row]
         figure = figure_of(subject(episode))
         assert "lost" in [text.get_text() for text in texts(figure)]
@@ -330,10 +330,10 @@ class TestPicture:
 
     @pytest.mark.parametrize("row", [0, *soak_only(1), 3])
     def test_noise_with_holes_can_be_drawn(self, store: Path, row: int) -> None:
-        assert plot_episode(Dataset.open(store), row).std() > 5.0
+        assert plot_episode(Dataset(store), row).std() > 5.0
 
     def test_asking_for_what_cannot_be_drawn_says_why(self, store: Path) -> None:
-        dataset = Dataset.open(store)
+        dataset = Dataset(store)
         with pytest.raises(StoreError, match="episode 2 is quarantined: no luck with 2"):
             plot_episode(dataset, 2)
         with pytest.raises(StoreError, match="episode 4 is missing"):

@@ -81,7 +81,7 @@ class Read:
 
 
 def written(store: Path, index: int, folder: Path) -> tuple[Episode, Read]:
-    dataset = Dataset.open(store)
+    dataset = Dataset(store)
     recording.write_recording(dataset, index, folder / "r.rrd")
     return dataset[index], Read(folder / "r.rrd")
 
@@ -227,7 +227,7 @@ class TestARecording:
 
     def test_is_verified_by_the_sdk(self, both: tuple[Episode, Read], tmp_path: Path) -> None:
         store = TINY if both[0].spec.robot == "kuka_iiwa" else varied()
-        recording.write_recording(Dataset.open(store), 0, tmp_path / "v.rrd")
+        recording.write_recording(Dataset(store), 0, tmp_path / "v.rrd")
         said = subprocess.run(
             [sdk.viewer(), "rrd", "verify", tmp_path / "v.rrd"],
             env=sdk.viewer_environment(tmp_path), capture_output=True, text=True, check=True,
@@ -241,7 +241,7 @@ def test_a_cloud_of_very_many_points_is_thinned(
     monkeypatch.setattr("grasp_factory.apps.rerun.cameras.MOST_POINTS", 100)
     _, read = written(TINY, 1, tmp_path)
     _, points = read.series("/world/cloud", "Points3D:positions")
-    cloud = Dataset.open(TINY).point_cloud(1)
+    cloud = Dataset(TINY).point_cloud(1)
     assert [50 < len(some) <= 100 for some in points] == [True, True]
     stored = {tuple(point) for point in np.round(cloud.points, 4).tolist()}
     assert {tuple(point) for point in np.round(np.array(points[0]), 4).tolist()} <= stored
@@ -258,7 +258,7 @@ def test_an_attempt_that_never_started_has_the_scene_alone(tmp_path: Path) -> No
     with World() as world:
         episode = run_episode(world, cube_spec((0.30, 0.30, 0.026), resolution=(64, 48)))
     assert episode.n_steps == 0
-    tiny = Dataset.open(TINY)
+    tiny = Dataset(TINY)
 
     class One:
         status, path, config, point_cloud = [1], TINY, tiny.config, tiny.point_cloud
@@ -302,7 +302,7 @@ class TestCommand:
         assert RRD.is_that_of(tmp_path / "tiny-1.rrd")
         assert tree(TINY) == before
         assert run("rerun", TINY, 2, "--out", "tiny-1.rrd")[0] == 0  # one is replaced
-        assert Read(tmp_path / "tiny-1.rrd").id == Dataset.open(TINY)[2].checksum()
+        assert Read(tmp_path / "tiny-1.rrd").id == Dataset(TINY)[2].checksum()
 
     @pytest.mark.parametrize(
         ("args", "said"),
@@ -428,4 +428,4 @@ def test_a_file_is_named_after_store_and_episode(tmp_path: Path) -> None:
 
 def test_a_place_for_no_recording_is_told_before_anything_is_read(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="unknown file format"):
-        recording.write_recording(Dataset.open(TINY), 0, tmp_path / "r.txt")
+        recording.write_recording(Dataset(TINY), 0, tmp_path / "r.txt")

@@ -199,7 +199,7 @@ def dataset(tmp_path: Path) -> Dataset:
     path = tmp_path / "ds.zarr"
     prepare_store(path, CONFIG, JOINTS, 5, {})
     ZarrWriter(path).write_block(0, make_rows(CONFIG, 0, 5, quarantined=(2,)))
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 def test_a_store_is_drawn_without_what_is_missing_or_quarantined(dataset: Dataset) -> None:
@@ -286,7 +286,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     for block in range(8):
         rows = make_rows(CONFIG, block, 29, quarantined=(2, 9))
         ZarrWriter(path).write_block(block, rows)
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 def test_a_sheet_shows_as_many_as_are_asked_for_of_both_classes(many: Dataset) -> None:
@@ -344,7 +344,7 @@ class TestTiles:
 
     def test_the_strip_is_green_for_success_and_red_for_anything_else(self, many: Dataset) -> None:
         success = many.column("success")
-        rows = [int(np.flatnonzero(success)[0]), int(many.where(success=False)[0])]
+        rows = [int(np.flatnonzero(success)[0]), int(many.where(success=False).indices[0])]
         image = tiles.tiles_of(many, rows, "front", across=2)
         for place, color in enumerate((painting.GREEN, painting.RED)):
             strip = self.tile(image, place, 2)[self.HEIGHT]

@@ -55,7 +55,7 @@ def examples(path: Path) -> GraspDataset:
 
 
 def plain(path: Path, rows: Any, uses: Iterable[str] = KINDS["vision"], **how: Any) -> Examples:
-    reader = ExampleReader(dataset=Dataset.open(path, **how), uses=tuple(uses), crop=SMALL)
+    reader = ExampleReader(dataset=Dataset(path, **how), uses=tuple(uses), crop=SMALL)
     return reader.read(np.asarray(rows))
 
 
@@ -90,11 +90,11 @@ class TestByIndex:
 
     def test_of_some_rows_are_those_that_have_a_grasp(self, path: Path) -> None:
         every = GraspDataset(path).rows
-        dataset = Dataset.open(path)
+        dataset = Dataset(path)
         planned = np.isfinite(dataset.column("grasp_width"))
         assert every.tolist() == np.flatnonzero(planned).tolist()
         chosen = every[[5, 1, 5, 2]]
-        some = GraspDataset(dataset, chosen.tolist())
+        some = GraspDataset(dataset[chosen])
         assert some.rows.tolist() == sorted(chosen.tolist())
         assert some.blocks.tolist() == [row // 4 for row in some.rows]
 
@@ -260,14 +260,22 @@ class TestAugmentation:
             )
 
     def test_noise_of_an_opened_dataset_is_its_own(self, path: Path) -> None:
-        noisy = Dataset.open(path, noise="stereo", noise_seed=1)
+        noisy = Dataset(path, noise="stereo", noise_seed=1)
         dataset = GraspDataset(noisy, crop=SMALL)
         dataset.set_epoch(3)
         check(
             dataset.__getitems__([2]), plain(path, dataset.rows[[2]], noise="stereo", noise_seed=1)
         )
-        with pytest.raises(UsageError, match="noise: got one, and a Dataset, valid: one of them"):
+        with pytest.raises(UsageError, match="noise: got one, and a Dataset that was opened with"):
             GraspDataset(noisy, noise="stereo")
+
+    def test_noise_is_added_to_a_view_of_a_clean_store(self, path: Path) -> None:
+        view = Dataset(path).where(success=[True, False])[3:9]
+        dataset = view.to_torch(crop=SMALL, noise="stereo", noise_seed=2)
+        assert set(dataset.rows.tolist()) <= set(view.indices.tolist())
+        dataset.set_epoch(1)
+        want = plain(path, dataset.rows[:2], noise="stereo", noise_seed=3)
+        check(dataset.__getitems__([0, 1]), want)
 
     @usually_forked
     def test_noise_reaches_workers(self, path: Path, start: str) -> None:
@@ -311,15 +319,16 @@ class TestAugmentation:
     ("how", "message"),
     [
         ({"uses": ("image", "touhc")}, "unknown input 'touhc'; did you mean 'touch'"),
+        (
+            {"uses": ["rgb"]},
+            r"input 'rgb': it is an image of the whole scene: ds.images\(rows, camera, 'rgb',"
+            r" frame\), or ds\[i\].cameras; valid: image, width, touch",
+        ),
+        ({"uses": "image"}, r"uses: got 'image', valid: a list, such as \['image'\]"),
         ({"uses": ()}, "uses: got no input, valid: some of image, width, touch"),
         ({"noise": "sterio"}, "unknown noise 'sterio'; did you mean 'stereo'"),
         ({"noise": "stereo", "noise_seed": -1}, "noise seed: got -1, valid: a whole number"),
         ({"mirror_seed": True}, "mirror_seed: got True, valid: a whole number from 0 on"),
-        ({"rows": [0, N]}, "rows: 22 holds no episode, valid: those of Dataset.committed"),
-        ({"rows": [-1]}, "rows: -1 holds no episode"),
-        ({"rows": [True] * N}, "rows: got .*, valid: row numbers, as Dataset.where returns"),
-        ({"rows": 3}, "rows: got 3, valid: row numbers"),
-        ({"rows": []}, "has no episodes with a grasp to learn from"),
     ],
     ids=str,
 )

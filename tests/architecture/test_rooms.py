@@ -60,6 +60,7 @@ OWNERS = {
     "safetensors": {"policies/networks"},
     "sklearn": {"apps/learning"},
     "pyarrow": {"writers/exporters/lerobot"},
+    "pandas": {"dataset/pandas_table.py", "dataset/dataset.py"},
     "av": {"writers/exporters/lerobot"},
     "flask": {"apps/browse", "apps/session_page"},
     "waitress": {"apps/browse"},

@@ -32,7 +32,7 @@ ROUNDS = 3
 RSS = """
 import re, sys
 from grasp_factory.dataset.dataset import Dataset
-dataset = Dataset.open(sys.argv[1], checked=True)
+dataset = Dataset(sys.argv[1], checked=True)
 dataset.export(sys.argv[2], sys.argv[3], dataset.committed[: int(sys.argv[4])])
 print(int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]) // 1024)
 """
@@ -101,7 +101,7 @@ def main() -> None:
     parser.add_argument("store", type=Path)
     parser.add_argument("formats", nargs="*", default=list(EXPORTERS), metavar="FORMAT")
     chosen = parser.parse_args()
-    dataset = Dataset.open(chosen.store, checked=True)
+    dataset = Dataset(chosen.store, checked=True)
     head = ("format", "ms/episode", "of bare loop", "two workers", "MB of 1/20", "MB of all")
     lines = [head]
     with tempfile.TemporaryDirectory() as folder:

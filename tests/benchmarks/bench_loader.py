@@ -84,11 +84,11 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
-    dataset = Dataset.open(arguments.store)
-    examples = GraspDataset(dataset, dataset.committed[: arguments.rows])
+    dataset = Dataset(arguments.store)
+    examples = GraspDataset(dataset[dataset.committed[: arguments.rows]])
     loading: dict[str, Any] = {"batch_size": BATCH, "num_workers": WORKERS}
     loading["persistent_workers"] = True
-    unkept = GraspDataset(dataset, dataset.committed[: arguments.rows], keep_bytes=0)
+    unkept = GraspDataset(dataset[dataset.committed[: arguments.rows]], keep_bytes=0)
     loaders = {
         "GraspDataset, first epoch": DataLoader(unkept, shuffle=True, **loading),
         "GraspStream, first epoch": DataLoader(GraspStream(unkept), **loading),

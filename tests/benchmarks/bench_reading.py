@@ -126,7 +126,7 @@ def main() -> None:
 
         zarr.config.set({"codec_pipeline.path": "zarrs.ZarrsCodecPipeline"})
     cv2.setNumThreads(1)
-    dataset = Dataset.open(arguments.store)
+    dataset = Dataset(arguments.store)
     camera = next(iter(dataset.config.cameras))
     compare_readers(dataset, camera)
     compare_codecs(dataset, camera)

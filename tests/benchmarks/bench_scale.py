@@ -105,16 +105,20 @@ def measure(path: Path) -> dict[str, float]:
         out[name] = time.perf_counter() - started
         return result
 
-    dataset = clock("open", lambda: Dataset.open(path))
+    dataset = clock("open", lambda: Dataset(path))
     found = clock("filter on two columns", lambda: dataset.where(success=True, policy="uniform"))
     out["open and filter"] = out["open"] + out["filter on two columns"]
-    rows = np.random.default_rng(0).choice(found, 200)
+    rows = np.random.default_rng(0).choice(found.indices, 200)
 
     def look(i: int) -> None:
         dataset.image(i, "front", "rgb", 0)
         dataset.image(i, "front", "depth", 0)
         dataset.value(i, "success")
 
+    clock(
+        "where, split, shuffle, ten rows as a table",
+        lambda: found.split("test").shuffle(1)[:10].to_pandas(["success"]),
+    )
     clock("a column of numbers", lambda: dataset.column("object_mass"))
     clock("rgb, depth and label of one of 200 rows", lambda: [look(int(i)) for i in rows])
     out["rgb, depth and label of one of 200 rows"] /= len(rows)

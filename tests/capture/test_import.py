@@ -96,7 +96,7 @@ def store(recorded: Path) -> Path:
 
 
 def test_own_rates_keep_every_value_and_times_within_a_millisecond(store: Path) -> None:
-    episode = Dataset.open(store)[0]
+    episode = Dataset(store)[0]
     force = episode.own_rate["force_torque"]
     assert np.allclose(
         force["timestamp"], 1e-9 + np.arange(len(force["timestamp"])) / 500.0, atol=1e-6
@@ -111,7 +111,7 @@ def test_own_rates_keep_every_value_and_times_within_a_millisecond(store: Path) 
 
 
 def test_streams_are_on_the_record_timeline_and_interpolated(store: Path) -> None:
-    dataset = Dataset.open(store)
+    dataset = Dataset(store)
     streams, rate = dataset[0].streams, dataset.config.record_hz
     assert np.array_equal(streams["timestamp"], np.arange(1, len(streams["timestamp"]) + 1) / rate)
     at = 1.0 + streams["timestamp"]
@@ -121,7 +121,7 @@ def test_streams_are_on_the_record_timeline_and_interpolated(store: Path) -> Non
 
 
 def test_what_was_not_measured_is_empty(store: Path) -> None:
-    dataset = Dataset.open(store)
+    dataset = Dataset(store)
     episode = dataset[0]
     assert np.isnan(episode.streams["object_pose"]).all()
     assert np.isnan(episode.streams["tactile_force"]).all()
@@ -135,13 +135,13 @@ def test_what_was_not_measured_is_empty(store: Path) -> None:
 
 
 def test_images_before_and_after_are_the_nearest_in_time(store: Path) -> None:
-    depth = Dataset.open(store)[0].cameras["front"].depth
+    depth = Dataset(store)[0].cameras["front"].depth
     assert depth[0, 1, 1] == np.float32(0.710)
     assert depth[1, 1, 1] == np.float32(0.749)
 
 
 def test_each_witness_has_its_column_and_all_call_it_a_success(store: Path) -> None:
-    dataset = Dataset.open(store)
+    dataset = Dataset(store)
     told = [int(dataset.value(0, f"label_{who}")) for who in ("operator", "gripper", "force")]
     assert told == [255, Outcome.SUCCESS, Outcome.SUCCESS]
     assert dataset[0].outcome is Outcome.SUCCESS
@@ -163,7 +163,7 @@ def test_another_session_is_refused(store: Path, tmp_path: Path) -> None:
 def test_what_the_operator_says_counts_first(tmp_path: Path) -> None:
     out = tmp_path / "real.zarr"
     import_session(session(tmp_path / "ses", label="unstable"), out, ImportSettings())
-    dataset = Dataset.open(out)
+    dataset = Dataset(out)
     assert dataset[0].outcome is Outcome.UNSTABLE
     assert int(dataset.value(0, "label_gripper")) == Outcome.SUCCESS
     assert verify(out).problems == ()
@@ -220,10 +220,10 @@ def test_it_merges_with_simulated_stores(
     recorded: Path, tmp_path: Path, simulated_like: Path
 ) -> None:
     real, both = tmp_path / "real.zarr", tmp_path / "both.zarr"
-    base = Dataset.open(simulated_like).config
+    base = Dataset(simulated_like).config
     import_session(recorded, real, ImportSettings(), base=base)
     merge([simulated_like, real], both)
-    dataset = Dataset.open(both)
+    dataset = Dataset(both)
     assert dataset.column("source").tolist() == [0, 0, 1]
     assert len(dataset[0].own_rate["force_torque"]["timestamp"]) == 0
     assert len(dataset[2].own_rate["force_torque"]["timestamp"]) == 1951

@@ -99,7 +99,7 @@ class TestGenerate:
     def test_makes_a_store_and_prints_a_summary(self, run: Run) -> None:
         result = run("generate", "--n", 2, "--workers", 1, "--out", "ds.zarr", *TINY)
         assert result.code == 0
-        assert len(Dataset.open("ds.zarr").committed) == 2
+        assert len(Dataset("ds.zarr").committed) == 2
         assert "Making 2 episodes of kuka_iiwa at 32x24, seed 0, with 1 worker" in result.err
         assert "2 episodes made in " in result.out
         assert "ds.zarr: 2 episodes, " in result.out
@@ -262,8 +262,17 @@ def test_a_store_of_another_config_is_refused(run: Run, store: Path) -> None:
 
 
 class TestInfo:
-    def test_tells_people_what_a_store_holds(self, run: Run, store: Path) -> None:
+    def test_fits_a_screen(self, run: Run, store: Path) -> None:
         result = run("info", store)
+        assert result.code == 0
+        lines = result.out.splitlines()
+        assert len(lines) <= 24
+        assert max(map(len, lines[1:])) <= 80
+        for words in ("4 episodes", "% success", "outcome", "policy", "family", "split"):
+            assert words in result.out
+
+    def test_tells_people_what_a_store_holds(self, run: Run, store: Path) -> None:
+        result = run("info", store, "--full")
         assert result.code == 0
         for words in ("4 episodes", "% success", "policy", "outcome", "object set", "split",
                       "cameras/front/rgb", "4 x 2 x 24 x 32 x 3", "uint8", "rad/s", "kuka_iiwa",
@@ -277,7 +286,7 @@ class TestInfo:
         assert arrays["cameras/front/depth"] == {
             "path": "cameras/front/depth", "shape": [4, 2, 24, 32], "dtype": "float32", "units": "m"
         }  # fmt: skip
-        assert facts["attributes"]["config"] == Dataset.open(store).config.to_plain()
+        assert facts["attributes"]["config"] == Dataset(store).config.to_plain()
 
     @pytest.mark.parametrize("path", ["absent", "file.txt"])
     def test_refuses_what_is_no_store(self, run: Run, path: str) -> None:
@@ -298,7 +307,7 @@ class TestReplay:
     ) -> None:
         from grasp_factory.curation import replay
 
-        other = Dataset.open(store)[2]
+        other = Dataset(store)[2]
         monkeypatch.setattr(replay, "run_episode", lambda world, spec: other)
         result = run("replay", store, 1, "--json")
         assert result.code == 1
@@ -437,13 +446,13 @@ def test_a_failure_that_is_no_mistake_exits_with_1(
     def fail(*_: Any) -> Any:
         raise StoreError("the store is damaged\nbadly")
 
-    monkeypatch.setattr(Dataset, "open", fail)
+    monkeypatch.setattr(Dataset, "__init__", fail)
     result = run("info", store)
     assert (result.code, result.err) == (1, "Error: the store is damaged badly\n")
 
 
 def test_a_bug_keeps_its_traceback(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Dataset, "open", lambda path: 1 / 0)
+    monkeypatch.setattr(Dataset, "__init__", lambda self, path: 1 / 0)
     monkeypatch.setattr(sys, "argv", ["grasp-factory", "info", str(store)])
     with pytest.raises(ZeroDivisionError):
         main()
@@ -505,13 +514,13 @@ class TestALongRun:
 
     def wait_for_episodes(self, out: Path, process: subprocess.Popen[str]) -> None:
         deadline = time.monotonic() + 60.0
-        while not out.exists() or len(Dataset.open(out).committed) < 3:
+        while not out.exists() or len(Dataset(out).committed) < 3:
             assert process.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.05)
 
     def check_that_it_goes_on(self, out: Path) -> None:
-        dataset = Dataset.open(out)
+        dataset = Dataset(out)
         kept = dataset.committed.tolist()
         assert 3 <= len(kept) < 300
         assert all(dataset.verify(i) for i in kept)
@@ -519,7 +528,7 @@ class TestALongRun:
         n = max(kept) + 2
         config = FactoryConfig(resolution=(32, 24), block_size=1)
         assert generate.generate(config, n, out, workers=1).already_there == len(kept)
-        after = Dataset.open(out)
+        after = Dataset(out)
         assert after.committed.tolist() == list(range(n))
         assert {i: str(after.column("checksum")[i]) for i in kept} == before
 

@@ -77,7 +77,7 @@ def test_of_several_stores_each_gives_its_rows(run: Run, store: Path, tmp_path: 
 def test_episodes_are_chosen_by_their_split(run: Run, store: Path) -> None:
     code, _, _ = run("export", store, "out", "--to=lines", "--split", "train")
     assert code == 0
-    assert rows_of("out") == Dataset.open(store).split("train").tolist()
+    assert rows_of("out") == Dataset(store).split("train").indices.tolist()
 
 
 def test_rows_and_settings_are_those_that_are_asked_for(run: Run, store: Path) -> None:

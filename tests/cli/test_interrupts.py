@@ -125,7 +125,7 @@ def check_end(process: subprocess.Popen[str], out: Path, codes: set[int]) -> str
         assert time.monotonic() < deadline, left
         time.sleep(0.02)
     if (out / "zarr.json").exists():
-        dataset = Dataset.open(out)
+        dataset = Dataset(out)
         assert all(dataset.verify(i) for i in dataset.committed.tolist())
     return (stderr.splitlines() or [""])[-1]
 
@@ -213,7 +213,9 @@ def test_a_reader_that_waits_for_ever_does_not_hold_up_a_stopped_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(run_progress, "READ_S", 0.05)
-    monkeypatch.setattr(run_progress.Dataset, "open", lambda path: threading.Event().wait())
+    monkeypatch.setattr(
+        run_progress.Dataset, "__init__", lambda self, path: threading.Event().wait()
+    )
     said = run_progress.stopped_text(Path("ds.zarr"))
     assert said == "Stopped: committed episodes stay; run the same command again to continue."
 

@@ -34,7 +34,7 @@ def open_zarr(path: Path) -> Writer:
 
 
 def read_zarr(writer: Any) -> dict[int, Episode | Quarantined]:
-    dataset = Dataset.open(writer.path)
+    dataset = Dataset(writer.path)
     rows: dict[int, Episode | Quarantined] = {int(i): dataset[i] for i in dataset.committed}
     for i in np.flatnonzero(dataset.status == 2):
         rows[int(i)] = Quarantined(dataset.spec(i), str(dataset.column("error")[i]))

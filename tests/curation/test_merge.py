@@ -102,7 +102,7 @@ def with_fact(key: str, **facts: str) -> dict[str, Any]:
 
 def rows_of(path: Path) -> list[tuple[int, int, int, str]]:
     """Return status, seed, index and checksum of each row."""
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     columns = (dataset.column(c).tolist() for c in ("status", "seed", "index", "checksum"))
     return list(zip(*columns, strict=True))
 
@@ -373,7 +373,7 @@ class TestSeveralSeeds:
         assert done.missing == 0
 
     def test_every_episode_reads_as_it_was(self, stores: Path, mixed: Path) -> None:
-        merged, other = Dataset.open(mixed), Dataset.open(stores / "other")
+        merged, other = Dataset(mixed), Dataset(stores / "other")
         for i in other.committed.tolist():
             assert merged.verify(8 + i)
             assert merged[8 + i].checksum() == other[i].checksum()
@@ -386,7 +386,7 @@ class TestSeveralSeeds:
             tmp_path / "old", OTHER, blocks=[0], **with_fact("versions", pybullet="3.2.6")
         )
         done = merge([stores / "even", old, stores / "odd"], tmp_path / "out")
-        attributes = Dataset.open(tmp_path / "out").attributes
+        attributes = Dataset(tmp_path / "out").attributes
         assert [(s["seed"], s["rows"]) for s in attributes["sources"]] == [(0, N), (5, 4)]
         assert [s["config_sha256"] for s in attributes["sources"]] == [
             CONFIG.sha256(),
@@ -474,7 +474,7 @@ class TestSeveralSeeds:
             prepare_store(mixed, CONFIG, JOINTS, 40, {})
 
     def test_info_shows_where_its_rows_are_from(self, mixed: Path) -> None:
-        done = run("info", mixed)
+        done = run("info", mixed, "--full")
         assert done.returncode == 0, done.stderr
         assert "merged from\nseed  rows  made with\n   0     8  grasp_factory" in done.stdout
 
@@ -488,24 +488,24 @@ class TestLabels:
         done = merge([labelled / "a", labelled / "b"], tmp_path / "out")
         assert done.labels == ("firm",)
         assert_same_tree(tmp_path / "out", labelled / "whole")
-        labels = Dataset.open(tmp_path / "out").label("firm")
+        labels = Dataset(tmp_path / "out").label("firm")
         assert len(set(labels.tolist()) - {int(Outcome.SUCCESS)}) > 1
 
     def test_a_label_goes_with_the_rows_that_are_split_off(
         self, labelled: Path, tmp_path: Path
     ) -> None:
         split(labelled / "whole", tmp_path / "out", [12, 1, 6])
-        got = Dataset.open(tmp_path / "out").label("firm")
-        assert got.tolist() == Dataset.open(labelled / "whole").label("firm")[[1, 6, 12]].tolist()
+        got = Dataset(tmp_path / "out").label("firm")
+        assert got.tolist() == Dataset(labelled / "whole").label("firm")[[1, 6, 12]].tolist()
 
     def test_rows_of_any_seed_replay_to_the_same_bytes(
         self, labelled: Path, tmp_path: Path
     ) -> None:
-        config = Dataset.open(labelled / "a").config
+        config = Dataset(labelled / "a").config
         factory.generate(replace(config, seed=5), 2, tmp_path / "other", workers=1)
         merge([tmp_path / "other", labelled / "a"], tmp_path / "out")
         for row, seed in ((1, 5), (3, 0)):
-            assert Dataset.open(tmp_path / "out").spec(row).seed == seed
+            assert Dataset(tmp_path / "out").spec(row).seed == seed
             assert replay(tmp_path / "out", row).same
 
     def test_what_only_some_have_or_have_otherwise_is_left_out(
@@ -513,7 +513,7 @@ class TestLabels:
     ) -> None:
         for name in ("even", "other"):
             shutil.copytree(stores / name, tmp_path / name)
-            rows = len(Dataset.open(tmp_path / name))
+            rows = len(Dataset(tmp_path / name))
             outcome = np.zeros(rows, np.uint8)
             write_label(tmp_path / name, "same", outcome, {"min_lift": 0.1})
             write_label(tmp_path / name, "differs", outcome, {"min_lift": rows / 100})
@@ -524,7 +524,7 @@ class TestLabels:
         assert done.labels == ("same",)
         assert set(done.labels_left_out) == {"differs", "alone", "by hand"}
         assert done.labels_left_out["alone"] == f"{tmp_path / 'other'} has none of that name"
-        assert Dataset.open(tmp_path / "out").labels == ["same"]
+        assert Dataset(tmp_path / "out").labels == ["same"]
 
     def test_rows_that_came_after_the_label_stay_without_it(
         self, stores: Path, tmp_path: Path
@@ -532,7 +532,7 @@ class TestLabels:
         shutil.copytree(stores / "whole", tmp_path / "grown")
         write_label(tmp_path / "grown", "early", np.full(6, 3, np.uint8), {})
         merge([tmp_path / "grown"], tmp_path / "out")
-        label = Dataset.open(tmp_path / "out").label("early")
+        label = Dataset(tmp_path / "out").label("early")
         assert label.tolist() == [3] * 6 + [NOT_LABELLED] * (N - 6)
 
     def test_a_damaged_label_is_refused(self, stores: Path, tmp_path: Path) -> None:
@@ -666,7 +666,7 @@ class TestRefusals:
         self, stores: Path, tmp_path: Path
     ) -> None:
         merge([stores / "even", stores / "other"], tmp_path / "bad")
-        sources = Dataset.open(tmp_path / "bad").attributes["sources"]
+        sources = Dataset(tmp_path / "bad").attributes["sources"]
         for wrong in (7, "x", [1], [{"seed": "x"}], [{**sources[0], "made_with": [{}]}]):
             edit_attributes(tmp_path / "bad", sources=wrong)
             with pytest.raises(StoreError, match=r"attribute sources is damaged"):
@@ -933,7 +933,7 @@ class TestPlatforms:
         done = merge([here, told(far, HERE)], tmp_path / "out")
         assert done.warnings == ()
         whole = told(make_store(tmp_path / "whole"), HERE)
-        assert Dataset.open(tmp_path / "out").column("fingerprint").tolist() == [HERE.text] * N
+        assert Dataset(tmp_path / "out").column("fingerprint").tolist() == [HERE.text] * N
         assert rows_of(tmp_path / "out") == rows_of(whole)
 
     def test_rows_of_one_seed_from_two_platforms_are_refused(
@@ -955,7 +955,7 @@ class TestPlatforms:
         done = merge([here, there], tmp_path / "out", accept_other_platform=True)
         (warning,) = done.warnings
         assert "seed 0 from different platforms" in warning
-        texts = Dataset.open(tmp_path / "out").column("fingerprint").tolist()
+        texts = Dataset(tmp_path / "out").column("fingerprint").tolist()
         want = [THERE.text if row // SIZE in (1, 3) else HERE.text for row in range(N)]
         assert texts == want
         assert [maker.fingerprint for maker in done.sources[0].made_with] == [
@@ -965,7 +965,7 @@ class TestPlatforms:
         again = merge([tmp_path / "out"], tmp_path / "again")
         assert again.warnings == ()
         split(tmp_path / "out", tmp_path / "few", [1, SIZE + 2])
-        few = Dataset.open(tmp_path / "few").column("fingerprint").tolist()
+        few = Dataset(tmp_path / "few").column("fingerprint").tolist()
         assert few == [want[1], want[SIZE + 2]]
 
     def test_seeds_of_two_platforms_are_warned_of(self, here: Path, tmp_path: Path) -> None:
@@ -973,7 +973,7 @@ class TestPlatforms:
         done = merge([here, other], tmp_path / "out")
         (warning,) = done.warnings
         assert "were made on different platforms: the fingerprint differs in engine" in warning
-        sources = Dataset.open(tmp_path / "out").attributes["sources"]
+        sources = Dataset(tmp_path / "out").attributes["sources"]
         assert [s["made_with"][0]["fingerprint"] for s in sources] == [HERE.parts(), THERE.parts()]
 
     def test_a_part_that_holds_rows_of_both_differs_from_one_that_does_not(
@@ -992,14 +992,14 @@ class TestPlatforms:
         assert done.warnings == ()
         split(tmp_path / "out", tmp_path / "few", [0, 2])
         for store in (tmp_path / "out", tmp_path / "few"):
-            assert set(Dataset.open(store).column("fingerprint").tolist()) == {""}
+            assert set(Dataset(store).column("fingerprint").tolist()) == {""}
             assert verify(store).is_whole
 
     def test_a_store_put_together_by_a_version_without_fingerprints_is_read(
         self, stores: Path, tmp_path: Path
     ) -> None:
         merge([stores / "even", stores / "other"], tmp_path / "out")
-        sources = Dataset.open(tmp_path / "out").attributes["sources"]
+        sources = Dataset(tmp_path / "out").attributes["sources"]
         for source in sources:
             for maker in source["made_with"]:
                 del maker["fingerprint"]
@@ -1011,6 +1011,6 @@ class TestPlatforms:
 def told(store: Path, fingerprint: Fingerprint) -> Path:
     """Let a store and its rows tell a platform; return it."""
     edit_attributes(store, **{FINGERPRINT: fingerprint.parts()})
-    rows = np.flatnonzero(Dataset.open(store).status)
+    rows = np.flatnonzero(Dataset(store).status)
     set_texts(store, dict.fromkeys(rows.tolist(), fingerprint.text))
     return store

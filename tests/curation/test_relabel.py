@@ -44,7 +44,7 @@ def store(tmp_path):
 @pytest.mark.soak
 def test_the_same_thresholds_give_the_same_labels(store):
     done = relabel(store, "again", LabelConfig())
-    dataset = Dataset.open(store)
+    dataset = Dataset(store)
     assert done.changed == 0
     assert done.episodes == EPISODES
     assert np.array_equal(dataset.label("again"), dataset.column("outcome"))
@@ -54,7 +54,7 @@ def test_a_firmer_grip_than_any_leaves_no_success(store):
     done = relabel(store, "firmer", LabelConfig(min_grip_force=100.0))
     assert done.successes == 0
     assert done.successes_before > 0
-    labels = Dataset.open(store).label("firmer")
+    labels = Dataset(store).label("firmer")
     assert not (labels == Outcome.SUCCESS).any()
 
 
@@ -64,11 +64,11 @@ def test_a_lift_that_no_attempt_made_cannot_be_asked_for(store):
 
 
 def test_what_moved_in_the_hand_becomes_unstable(store):
-    slips = Dataset.open(store).column("slip_distance")
-    success = Dataset.open(store).column("success")
+    slips = Dataset(store).column("slip_distance")
+    success = Dataset(store).column("success")
     bound = float(np.median(slips[success]))
     relabel(store, "steady", LabelConfig(max_slip_distance=bound))
-    labels = Dataset.open(store).label("steady")
+    labels = Dataset(store).label("steady")
     assert ((labels == Outcome.SUCCESS) == (success & (slips <= bound))).all()
     assert ((labels == Outcome.UNSTABLE) == (success & (slips > bound))).all()
 
@@ -94,7 +94,7 @@ def test_a_name_is_taken_once(store):
     relabel(store, "mine", LabelConfig())
     with pytest.raises(UsageError, match="has a label 'mine' already"):
         relabel(store, "mine", LabelConfig(min_lift=0.15))
-    assert Dataset.open(store).labels == ["mine"]
+    assert Dataset(store).labels == ["mine"]
 
 
 @pytest.mark.parametrize("name", ["", "a b", "../x", "a/b", ".x", "x" * 300])
@@ -110,7 +110,7 @@ def test_a_shake_that_was_never_given_cannot_be_asked_for(store):
 
 def test_an_unknown_label_is_named(store):
     with pytest.raises(UnknownNameError, match="unknown label 'x'"):
-        Dataset.open(store).label("x")
+        Dataset(store).label("x")
 
 
 def test_the_command_does_it_and_says_so(store):

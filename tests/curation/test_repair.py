@@ -170,7 +170,7 @@ def test_episodes_that_are_whole_are_not_simulated(store: Path, copy: Path) -> N
         delete(name)(copy)
     result = repair(copy)
     assert result.is_whole
-    committed = Dataset.open(store).column("status") == COMMITTED
+    committed = Dataset(store).column("status") == COMMITTED
     assert not any(committed[made.episode] for made in result.remade)
     assert_same_tree(store, copy)
 
@@ -273,7 +273,7 @@ class TestTheNumberOfRows:
 
 def quarantined(store: Path) -> tuple[int, int]:
     """Return a row that is quarantined beside one that is not, and the number of its block."""
-    status = Dataset.open(store).column("status")
+    status = Dataset(store).column("status")
     for i in range(N):
         block = status[i // 4 * 4 : i // 4 * 4 + 4]
         if status[i] == 2 and 1 in block:
@@ -296,7 +296,7 @@ def test_rows_beside_a_broken_quarantine_are_kept(
         for name in ("status", "checksum"):
             delete(f"episodes/{name}/{block}")(copy)
     result = repair(copy)
-    status = Dataset.open(store).column("status")[block * 4 : block * 4 + 4]
+    status = Dataset(store).column("status")[block * 4 : block * 4 + 4]
     lost = {block * 4 + k for k in range(len(status)) if status[k] == 2}
     assert {made.episode for made in result.remade} == ({row} if is_marked else lost)
     assert result.is_whole
@@ -317,7 +317,7 @@ def test_a_recipe_that_kills_its_worker_is_quarantined_again(copy: Path, tmp_pat
         env=os.environ | {"PYTHONPATH": f"{place}:{REPOSITORY}"},
         check=True,
     )
-    assert Dataset.open(copy).column("error")[row] == "its worker was lost twice (SIGKILL)"
+    assert Dataset(copy).column("error")[row] == "its worker was lost twice (SIGKILL)"
 
 
 @pytest.mark.parametrize("is_whole", [True, False])
@@ -412,7 +412,7 @@ def test_a_list_of_arrays_with_digests_that_is_no_such_list_is_named_and_made_ag
     (problem,) = verify(copy).problems
     assert problem.what == "zarr.json does not list the array of each column"
     with pytest.raises(StoreError, match="no checksums of single arrays"):
-        Dataset.open(copy, checked=True)
+        Dataset(copy, checked=True)
     assert split(copy, tmp_path / "part", [0]).committed == 1
     assert repair(copy).is_whole
     assert_same_tree(store, copy)
@@ -430,7 +430,7 @@ def test_it_is_said_when_an_episode_comes_out_otherwise(
     result = repair(copy)
     assert result.is_whole
     assert {made.is_same for made in result.remade} == {False}
-    assert Dataset.open(copy).value(result.remade[0].episode, "grasp_score") == 12.5
+    assert Dataset(copy).value(result.remade[0].episode, "grasp_score") == 12.5
 
 
 class TestAnAddedLabel:
@@ -464,7 +464,7 @@ class TestAnAddedLabel:
 class TestACollectedStore:
     @pytest.fixture
     def collected(self, store: Path, tmp_path: Path) -> Path:
-        rows = Dataset.open(store).committed[1:].tolist()
+        rows = Dataset(store).committed[1:].tolist()
         split(store, tmp_path / "part", rows)
         return tmp_path / "part"
 
@@ -648,7 +648,7 @@ def text(document: Any) -> str:
 
 
 def read_all(path: Path) -> None:
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     summarise(dataset)
     for name in dataset.columns:
         dataset.column(name)
@@ -742,13 +742,13 @@ class TestOnAnotherPlatform:
     def test_accepted_the_rows_that_were_remade_say_so_and_the_others_do_not(
         self, broken: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        checksums = Dataset.open(broken).column("checksum").tolist()
+        checksums = Dataset(broken).column("checksum").tolist()
         move(monkeypatch)
         result = repair(broken, accept_other_platform=True)
         assert result.is_whole
         remade = {made.episode for made in result.remade}
         assert remade
-        dataset = Dataset.open(broken)
+        dataset = Dataset(broken)
         assert dataset.column("fingerprint").tolist() == [
             THERE.text if row in remade else HERE.text for row in range(N)
         ]
@@ -798,7 +798,7 @@ class TestAFingerprintThatIsLost:
         result = repair(copy)
         assert result.is_whole
         assert [(made.episode, made.is_same) for made in result.remade] == [(1, True), (4, True)]
-        assert Dataset.open(copy).column("fingerprint").tolist() == [HERE.text] * N
+        assert Dataset(copy).column("fingerprint").tolist() == [HERE.text] * N
         assert {k for k, v in before.items() if tree(copy).get(k) != v} == set()
 
     @pytest.mark.soak
@@ -838,7 +838,7 @@ class TestAFingerprintThatIsLost:
         result = repair(few)
         assert result.is_whole
         assert [made.episode for made in result.remade] == [1]
-        assert Dataset.open(few).column("fingerprint").tolist() == ["", HERE.text]
+        assert Dataset(few).column("fingerprint").tolist() == ["", HERE.text]
 
 
 class TestAStoreOfAVersionWithoutFingerprints:
@@ -850,4 +850,4 @@ class TestAStoreOfAVersionWithoutFingerprints:
         (line,) = repair(store).failed
         assert "it was made by a version without fingerprints; repair where" in line
         assert repair(store, accept_other_platform=True).is_whole
-        assert "fingerprint" not in Dataset.open(store).columns
+        assert "fingerprint" not in Dataset(store).columns

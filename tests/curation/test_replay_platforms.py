@@ -65,7 +65,7 @@ def changed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def attempt(path: Path) -> int:
     """Return a row whose arm moved."""
-    return int(np.flatnonzero(Dataset.open(path).column("n_steps"))[0])
+    return int(np.flatnonzero(Dataset(path).column("n_steps"))[0])
 
 
 def test_where_the_fingerprint_is_the_same_nothing_is_said_of_the_platform(store: Path) -> None:
@@ -89,7 +89,7 @@ class TestOtherBytes:
     def test_under_the_same_fingerprint_and_other_versions_are_the_versions_doing(
         self, copy: Path
     ) -> None:
-        versions = Dataset.open(copy).attributes["versions"] | {"pybullet": "3.2.6"}
+        versions = Dataset(copy).attributes["versions"] | {"pybullet": "3.2.6"}
         set_attributes(copy, {"versions": versions})
         result = replay(copy, 0)
         assert result.has_other_versions
@@ -99,7 +99,7 @@ class TestOtherBytes:
     def test_on_another_machine_of_the_same_fingerprint_should_be_the_same(
         self, copy: Path
     ) -> None:
-        platform = Dataset.open(copy).attributes["platform"] | {"cpu": "Z80", "kernels": "none"}
+        platform = Dataset(copy).attributes["platform"] | {"cpu": "Z80", "kernels": "none"}
         set_attributes(copy, {"platform": platform})
         result = replay(copy, 0)
         assert not result.has_other_versions
@@ -154,7 +154,7 @@ class TestWhatIsComparedWith:
     def test_is_nothing_where_another_store_told_it(self, copy: Path, tmp_path: Path) -> None:
         split(copy, tmp_path / "few", [0])
         set_texts(tmp_path / "few", {0: ""})
-        assert FINGERPRINT in Dataset.open(tmp_path / "few").attributes
+        assert FINGERPRINT in Dataset(tmp_path / "few").attributes
         assert replay(tmp_path / "few", 0).fingerprint == ""
 
     def test_is_told_to_be_unknown_in_a_store_of_a_version_without_fingerprints(

@@ -39,12 +39,12 @@ TOLERANCE = {("sequences", "depth"): MM}
 def restored(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[str, Dataset, Dataset, tuple[str, ...]]:
-    folder, dataset = tmp_path_factory.mktemp("restored"), Dataset.open(varied())
+    folder, dataset = tmp_path_factory.mktemp("restored"), Dataset(varied())
     name, settings = request.param
     dataset.export(name, folder / "export", **settings)
     found = restore(folder / "export", folder / "store.zarr")
     assert found.same == (len(dataset.committed) if name.startswith("rosbag") else 0)
-    return name, dataset, Dataset.open(folder / "store.zarr", checked=True), found.not_held
+    return name, dataset, Dataset(folder / "store.zarr", checked=True), found.not_held
 
 
 def test_every_array_that_is_held_is_equal(
@@ -226,18 +226,18 @@ def test_all_rows_of_several_seeds_are_restored_with_their_origin(tmp_path: Path
     run_export(EXPORTERS["sequences"], chosen, tmp_path / "export", {})
     found = restore(tmp_path / "export", tmp_path / "store.zarr")
     assert found.episodes == 3
-    after = Dataset.open(tmp_path / "store.zarr")
+    after = Dataset(tmp_path / "store.zarr")
     assert after.column("seed").tolist() == [3, 3, 8]
     assert after.column("index").tolist() == [5, 0, 2]
     assert [source["seed"] for source in after.attributes["sources"]] == [3, 8]
 
 
 def test_a_store_of_an_old_version_is_restored(tmp_path: Path) -> None:
-    dataset = Dataset.open(old_store(tmp_path))
+    dataset = Dataset(old_store(tmp_path))
     dataset.export("sequences", tmp_path / "export")
     restore(tmp_path / "export", tmp_path / "store.zarr")
-    after = Dataset.open(tmp_path / "store.zarr")
-    assert set(after.fields) == set(dataset.fields)
+    after = Dataset(tmp_path / "store.zarr")
+    assert set(after.features) == set(dataset.features)
     assert verify(after.path).problems == ()
 
 
@@ -251,7 +251,7 @@ def test_what_is_there_is_not_overwritten(export: Path, tmp_path: Path) -> None:
 def test_quarantined_rows_are_not_in_an_export(export: Path, tmp_path: Path) -> None:
     found = restore(export, tmp_path / "store.zarr")
     assert found.episodes == N - 1
-    after = Dataset.open(tmp_path / "store.zarr")
+    after = Dataset(tmp_path / "store.zarr")
     assert QUARANTINED not in after.column("index")
 
 
@@ -308,7 +308,7 @@ HURT: dict[str, tuple[str, Callable[[Path], object]]] = {
 @pytest.mark.parametrize("what", HURT)
 def test_damaged_data_of_a_format_is_named_in_one_line(tmp_path: Path, what: str) -> None:
     name, hurt = HURT[what]
-    Dataset.open(varied()).export(name, tmp_path / "export")
+    Dataset(varied()).export(name, tmp_path / "export")
     hurt(tmp_path / "export")
     with pytest.raises(StoreError) as caught:
         restore(tmp_path / "export", tmp_path / "store.zarr")
@@ -318,7 +318,7 @@ def test_damaged_data_of_a_format_is_named_in_one_line(tmp_path: Path, what: str
 
 
 def test_values_of_another_episode_are_counted_as_not_the_same(tmp_path: Path) -> None:
-    Dataset.open(varied()).export("rosbag1", tmp_path / "export")
+    Dataset(varied()).export("rosbag1", tmp_path / "export")
     shutil.copy(tmp_path / "export/000001.bag", tmp_path / "export/000000.bag")
     found = restore(tmp_path / "export", tmp_path / "store.zarr")
     assert (found.episodes, found.same) == (2, 1)

@@ -69,7 +69,7 @@ def export(store: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_labels_come_back_with_their_thresholds(export: Path, tmp_path: Path) -> None:
     found = restore(export, tmp_path / "again.zarr")
     assert found.labels == ("strict",)
-    after = Dataset.open(tmp_path / "again.zarr", checked=True)
+    after = Dataset(tmp_path / "again.zarr", checked=True)
     assert after.labels == ["strict"]
     assert after.label("strict").tolist() == [0, 0]
     assert after.label_thresholds("strict") == THRESHOLDS
@@ -90,7 +90,7 @@ def test_annotations_come_back_as_they_stood(store: Dataset, export: Path, tmp_p
 
 def test_an_export_of_what_was_imported_says_the_same(export: Path, tmp_path: Path) -> None:
     restore(export, tmp_path / "again.zarr")
-    Dataset.open(tmp_path / "again.zarr").export("sequences", tmp_path / "again")
+    Dataset(tmp_path / "again.zarr").export("sequences", tmp_path / "again")
     first, second = (
         json.loads((folder / "grasp_factory.json").read_text())
         for folder in (export, tmp_path / "again")
@@ -104,7 +104,7 @@ def test_of_several_stores_a_label_covers_the_rows_of_those_that_have_it(tmp_pat
     second = labelled(tmp_path / "b.zarr", {"same": {"min_lift": 0.2}}, seed=8)
     run_export(EXPORTERS["article"], [(first, [5, 1]), (second, [1])], tmp_path / "export", {})
     restore(tmp_path / "export", tmp_path / "again.zarr")
-    after = Dataset.open(tmp_path / "again.zarr")
+    after = Dataset(tmp_path / "again.zarr")
     assert after.label("strict").tolist() == [2, 1, NOT_LABELLED]
     assert after.label("same").tolist() == [2, 1, 1]
     assert after.label_thresholds("strict") == THRESHOLDS

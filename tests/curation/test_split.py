@@ -62,7 +62,7 @@ def collected(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def rows_of(path: Path) -> list[tuple[int, int, str]]:
     """Return seed, index and checksum of each row."""
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     columns = (dataset.column(c).tolist() for c in ("seed", "index", "checksum"))
     return list(zip(*columns, strict=True))
 
@@ -87,7 +87,7 @@ class TestSplit:
 
     def test_every_episode_reads_as_it_was(self, store: Path, tmp_path: Path) -> None:
         split(store, tmp_path / "out", THERE)
-        new, old = Dataset.open(tmp_path / "out"), Dataset.open(store)
+        new, old = Dataset(tmp_path / "out"), Dataset(store)
         assert new.committed.tolist() == list(range(len(THERE)))
         for row, i in enumerate(THERE):
             assert new.verify(row)
@@ -112,10 +112,10 @@ class TestSplit:
     def test_provenance_stays_with_the_rows(self, collected: Path, tmp_path: Path) -> None:
         split(collected, tmp_path / "both", [1, 12, 13])
         split(collected, tmp_path / "one", [14])
-        before = Dataset.open(collected).attributes["sources"]
-        both = Dataset.open(tmp_path / "both").attributes["sources"]
+        before = Dataset(collected).attributes["sources"]
+        both = Dataset(tmp_path / "both").attributes["sources"]
         assert both == [{**before[0], "rows": 1}, {**before[1], "rows": 2}]
-        assert Dataset.open(tmp_path / "one").attributes["sources"] == [{**before[1], "rows": 1}]
+        assert Dataset(tmp_path / "one").attributes["sources"] == [{**before[1], "rows": 1}]
 
     def test_the_same_choice_gives_the_same_bytes(self, store: Path, tmp_path: Path) -> None:
         shutil.copytree(store, tmp_path / "renamed")
@@ -211,15 +211,16 @@ class TestCommand:
         assert_same_tree(tmp_path / "a", tmp_path / "b")
 
     def test_rows_by_value(self, store: Path, tmp_path: Path) -> None:
-        dataset = Dataset.open(store)
+        dataset = Dataset(store)
         done = run("split", store, "out", "--where", "split=train", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-        assert rows_of(tmp_path / "out") == chosen(store, dataset.where(split="train"))
-        assert set(Dataset.open(tmp_path / "out").column("split")) == {"train"}
+        assert rows_of(tmp_path / "out") == chosen(store, dataset.where(split="train").indices)
+        assert set(Dataset(tmp_path / "out").column("split")) == {"train"}
 
     def test_several_choices_mean_what_is_in_all_of_them(self, store: Path, tmp_path: Path) -> None:
-        dataset = Dataset.open(store)
-        want = set(dataset.where(split=["train", "val"], success=False).tolist()) - {THERE[0]}
+        dataset = Dataset(store)
+        some = dataset.where(split=["train", "val"], success=False)
+        want = set(some.indices.tolist()) - {THERE[0]}
         (tmp_path / "ids.txt").write_text("\n".join(map(str, THERE[1:])))
         done = run(
             *("split", store, "out", "--ids", "ids.txt", "--where", "split=[train, val]"),
@@ -248,7 +249,7 @@ class TestCommand:
             (("--where", "split={a: 1}"), "--where split: got {'a': 1}, valid: a value, or"),
             (("--where", "split="), "--where split: got None, valid: a value, or"),
             (("--where", "split=[a"), "--where split is not valid YAML"),
-            (("--where", "split=nope"), "no episodes of store are chosen"),
+            (("--where", "split=nope"), "no row has split 'nope' (valid: test, train, val)"),
             (("--where", "object_com=1"), "where: object_com has (1, 3) values a row, valid: one"),
             (("--episodes", "1", "--where", "seed=4"), "no episodes of store are chosen"),
         ],

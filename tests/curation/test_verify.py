@@ -90,7 +90,7 @@ class TestAWholeStore:
 
     def test_is_counted(self, store: Path) -> None:
         report = verify(store)
-        status = Dataset.open(store).status.tolist()
+        status = Dataset(store).status.tolist()
         assert report.episodes == N
         assert (report.committed, report.quarantined) == (status.count(1), status.count(2))
         assert report.quarantined > 0 < report.committed
@@ -245,7 +245,7 @@ def test_a_label_of_more_rows_than_the_store_is_a_problem(copy: Path) -> None:
     (problem,) = verify(copy).problems
     assert f"of 1000000000 rows, valid: up to {N}" in problem.what
     with pytest.raises(StoreError, match="is of 1000000000 rows, valid: up to"):
-        Dataset.open(copy).label(LABEL)
+        Dataset(copy).label(LABEL)
 
 
 def rewrite(store: Path, paths: Iterable[str], **changed: Any) -> None:
@@ -517,8 +517,8 @@ UNTRUE: dict[str, tuple[str, Any]] = {
 @pytest.fixture(scope="module")
 def held(store: Path) -> tuple[int, list[Any]]:
     """Return a successful episode's row, and all rows of its block."""
-    dataset = Dataset.open(store)
-    i = int(dataset.where(success=True)[0])
+    dataset = Dataset(store)
+    i = int(dataset.where(success=True).indices[0])
     first = i // 4 * 4
     return i, [
         dataset[row]
@@ -537,7 +537,7 @@ def test_what_cannot_be_true_is_named_even_where_checksums_match(
     rows = [altered(row, path, value) if row.spec.index == i else row for row in rows]
     shutil.rmtree(copy / FOLDER)
     ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
-    assert Dataset.open(copy).verify(i)
+    assert Dataset(copy).verify(i)
     problems = verify(copy).problems
     assert {problem.episode for problem in problems} == {i}
     assert path.replace("_body", "_position") in {
@@ -558,7 +558,7 @@ def test_an_outcome_that_the_streams_do_not_give_is_named(
 
 @pytest.mark.parametrize("place", [0, 1, -1])
 def test_a_value_in_the_padding_is_named(copy: Path, place: int) -> None:
-    path, dataset = "streams/gripper_width", Dataset.open(copy)
+    path, dataset = "streams/gripper_width", Dataset(copy)
     i, size = int(dataset.committed[0]), CONFIG.block_size
     start, n_steps = i // size * size, int(dataset.value(i, "n_steps"))
     series = np.array(dataset.arrays()[path][start : start + size])
@@ -601,13 +601,13 @@ class TestFingerprints:
         self, copy: Path, text: str
     ) -> None:
         shutil.rmtree(copy / FOLDER)
-        quarantined = int(np.flatnonzero(Dataset.open(copy).status == 2)[0])
+        quarantined = int(np.flatnonzero(Dataset(copy).status == 2)[0])
         for row in (4, quarantined):
             set_texts(copy, {row: text})
             (problem,) = verify(copy).problems
             assert (problem.episode, problem.array) == (row, "episodes/fingerprint")
             with pytest.raises(StoreError, match=f"episode {row} is damaged"):
-                Dataset.open(copy, checked=True).column("fingerprint")
+                Dataset(copy, checked=True).column("fingerprint")
             set_texts(copy, {row: HERE.text})
 
     def test_rows_of_another_platform_are_counted_in_one_note(self, copy: Path) -> None:

@@ -695,7 +695,7 @@ class TestALineThatIsDamaged:
         log = AnnotationLog(damaged)
         assert tags_of(damaged) == {"one", "three"}
         assert log.damaged() == [(2, "does not match its checksum")]
-        assert Dataset.open(damaged).tagged("one").tolist() == [0]
+        assert Dataset(damaged).tagged("one").indices.tolist() == [0]
         log.append("bob", [1], [("tag", "four")])
         assert AnnotationLog(damaged).damaged() == log.damaged()
 
@@ -742,7 +742,7 @@ class TestALineThatIsDamaged:
 class TestAStoreWithAnnotations:
     @pytest.fixture
     def annotated(self, sample: Path) -> Path:
-        camera = next(iter(Dataset.open(sample).config.cameras))
+        camera = next(iter(Dataset(sample).config.cameras))
         mark = MARK | {"camera": camera}
         AnnotationLog(sample).append("ann", [0, 3], [("tag", "odd"), ("mark", mark)])
         return sample
@@ -804,18 +804,18 @@ class TestAStoreWithAnnotations:
 
     def test_keeps_it_when_a_row_is_made_again(self, growing: Path) -> None:
         ZarrWriter(growing).write_block(1, make_rows(CONFIG, 1, 8))
-        assert Dataset.open(growing).tagged("odd").tolist() == [0, 5]
+        assert Dataset(growing).tagged("odd").indices.tolist() == [0, 5]
 
     def test_is_read_by_datasets(self, growing: Path) -> None:
-        dataset = Dataset.open(growing)
+        dataset = Dataset(growing)
         assert sorted(dataset.annotations) == [0, 5]
         assert dataset.annotations[0].tags == ("odd",)
-        assert dataset.tagged("odd").tolist() == [0]  # 5 is quarantined
-        assert dataset.tagged("odd").dtype == np.int64
+        assert dataset.tagged("odd").indices.tolist() == [0]  # 5 is quarantined
+        assert dataset.tagged("odd").indices.dtype == np.int64
         AnnotationLog(growing).append("ann", [0, 3], [("tag", "späte")])
-        assert dataset.tagged("spa\u0308te", "odd").tolist() == [0]
-        assert dataset.tagged("späte").tolist() == [0, 3]
-        assert dataset.tagged("none").tolist() == []
+        assert dataset.tagged("spa\u0308te", "odd").indices.tolist() == [0]
+        assert dataset.tagged("späte").indices.tolist() == [0, 3]
+        assert dataset.tagged("none").indices.tolist() == []
         with pytest.raises(UsageError, match="no tags: name one or more"):
             dataset.tagged()
 
@@ -985,7 +985,7 @@ class TestMerging:
         AnnotationLog(other).append("bob", [0, 15], [("note", "look"), ("mark", MARK)])
         out = tmp_path / "out"
         assert merge([store, other], out).annotations == 4
-        dataset, found = Dataset.open(out), Dataset.open(out).annotations
+        dataset, found = Dataset(out), Dataset(out).annotations
         seed, index = dataset.column("seed"), dataset.column("index")
         told = {(int(seed[row]), int(index[row])): said for row, said in found.items()}
         assert {key: (said.by, said.tags, said.note) for key, said in told.items()} == {
@@ -1052,9 +1052,7 @@ class TestSplitting:
         log.append("bob", [4], [("note", "look"), ("untag", "odd")])
         out = tmp_path / "out"
         assert split(store, out, [15, 4, 2]).annotations == 2
-        assert {
-            row: (said.tags, said.note) for row, said in Dataset.open(out).annotations.items()
-        } == {
+        assert {row: (said.tags, said.note) for row, said in Dataset(out).annotations.items()} == {
             1: ((), "look"),
             2: (("odd",), ""),
         }
@@ -1140,9 +1138,9 @@ class TestTheCommands:
         ids = tmp_path / "ids.txt"
         ids.write_text("3\n0\n\n7\n")
         run("tag", store, "--ids", ids, "--add", "odd")
-        assert Dataset.open(store).tagged("odd").tolist() == [0, 3, 7]
+        assert Dataset(store).tagged("odd").indices.tolist() == [0, 3, 7]
         run("tag", store, "--ids", ids, "--episodes", "0,1", "--remove", "odd")
-        assert Dataset.open(store).tagged("odd").tolist() == [3, 7]
+        assert Dataset(store).tagged("odd").indices.tolist() == [3, 7]
 
     def test_print_what_stands_for_scripts(
         self, run: Callable[..., tuple[int, str, str]], store: Path

@@ -40,12 +40,12 @@ def copy(store: Path, tmp_path: Path) -> Path:
 
 
 def row_of(store: Path, status: int) -> int:
-    return int(np.flatnonzero(Dataset.open(store).status == status)[0])
+    return int(np.flatnonzero(Dataset(store).status == status)[0])
 
 
 def forge(store: Path, path: str, row: int, value: Any) -> None:
     """Change a value of a column such that nothing but its checksum tells."""
-    array = Dataset.open(store).arrays()[path]
+    array = Dataset(store).arrays()[path]
     file = store / path / f"{row // array.chunks[0]}{'.0' * (array.ndim - 1)}"
     if array.dtype.kind == "T":
         values: Any = unpack_words(file.read_bytes(), array.chunks).astype(object)
@@ -64,7 +64,7 @@ def test_a_whole_store_reads_as_without_checks(store: Path) -> None:
 
 
 def test_the_checks_travel_to_another_process(copy: Path) -> None:
-    dataset = pickle.loads(pickle.dumps(Dataset.open(copy, noise="stereo", checked=True)))
+    dataset = pickle.loads(pickle.dumps(Dataset(copy, noise="stereo", checked=True)))
     i = row_of(copy, 1)
     forge(copy, "episodes/object_mass", i, 77.0)
     with pytest.raises(StoreError, match="object_mass does not match"):
@@ -75,8 +75,8 @@ class TestAForgedValue:
     def test_of_a_column_is_refused_however_it_is_read(self, copy: Path) -> None:
         i = row_of(copy, 1)
         forge(copy, "episodes/object_mass", i, 77.0)
-        assert Dataset.open(copy).value(i, "object_mass") == 77.0
-        dataset = Dataset.open(copy, checked=True)
+        assert Dataset(copy).value(i, "object_mass") == 77.0
+        dataset = Dataset(copy, checked=True)
         reads: list[Callable[[], Any]] = [
             lambda: dataset.value(i, "object_mass"),
             lambda: dataset.column("object_mass"),
@@ -90,7 +90,7 @@ class TestAForgedValue:
                 read()
 
     def test_of_an_image_is_refused_when_it_is_read_alone(self, copy: Path) -> None:
-        i, plain = row_of(copy, 1), Dataset.open(copy)
+        i, plain = row_of(copy, 1), Dataset(copy)
         camera = next(iter(plain.config.cameras))
         path, size = f"cameras/{camera}/rgb", plain.config.block_size
         block = i // size
@@ -100,36 +100,36 @@ class TestAForgedValue:
         shard = packed_shard(frames, size * images.shape[1], 1)
         (copy / path / f"{block}.0.0.0.0").write_bytes(shard)
         assert (plain.image(i, camera, "rgb", 0) == images[i % size, 0]).all()
-        checked = Dataset.open(copy, checked=True)
+        checked = Dataset(copy, checked=True)
         for read in (checked.image, lambda *which: checked.images([i], *which[1:])):
             with pytest.raises(StoreError, match=f"episode {i} .*{path} does not match"):
                 read(i, camera, "rgb", 0)
 
     def test_of_another_array_does_not_matter(self, copy: Path) -> None:
         i = row_of(copy, 1)
-        truth = Dataset.open(copy).column("policy")
+        truth = Dataset(copy).column("policy")
         forge(copy, "episodes/object_mass", i, 77.0)
-        assert (Dataset.open(copy, checked=True).column("policy") == truth).all()
+        assert (Dataset(copy, checked=True).column("policy") == truth).all()
 
     def test_of_a_length_is_refused_with_the_series(self, copy: Path) -> None:
         i = row_of(copy, 1)
         forge(copy, "episodes/n_steps", i, 2)
         for name in ("phase", "tcp_pose"):
             with pytest.raises(StoreError, match=f"episode {i} "):
-                Dataset.open(copy, checked=True).series(i, name)
+                Dataset(copy, checked=True).series(i, name)
 
     def test_of_a_recipe_is_refused(self, copy: Path) -> None:
         i = row_of(copy, 1)
-        spec = Dataset.open(copy).spec(i).to_json()
+        spec = Dataset(copy).spec(i).to_json()
         forge(copy, "episodes/spec", i, spec.replace('"index":', '"index":1'))
-        assert Dataset.open(copy).spec(i).index != i
+        assert Dataset(copy).spec(i).index != i
         with pytest.raises(StoreError, match="episodes/spec does not match"):
-            Dataset.open(copy, checked=True).spec(i)
+            Dataset(copy, checked=True).spec(i)
 
     def test_of_a_quarantine_is_refused(self, copy: Path) -> None:
         i = row_of(copy, 2)
         forge(copy, "episodes/error", i, "no reason")
-        dataset = Dataset.open(copy, checked=True)
+        dataset = Dataset(copy, checked=True)
         for read in (lambda: dataset.spec(i), lambda: dataset.column("error")):
             with pytest.raises(StoreError, match=f"episode {i} is damaged"):
                 read()
@@ -138,7 +138,7 @@ class TestAForgedValue:
     def test_of_a_status_is_refused(self, copy: Path, was: int, status: int) -> None:
         i = row_of(copy, was)
         forge(copy, "episodes/status", i, status)
-        dataset = Dataset.open(copy, checked=True)
+        dataset = Dataset(copy, checked=True)
         reads: list[Callable[[], Any]] = [
             lambda: dataset.status,
             lambda: dataset.where(success=True),
@@ -153,21 +153,21 @@ class TestAForgedValue:
         i = row_of(copy, 1)
         forge(copy, "episodes/error", i, "why not")
         with pytest.raises(StoreError, match=f"episode {i} .*error does not match"):
-            Dataset.open(copy, checked=True).column("error")
+            Dataset(copy, checked=True).column("error")
 
     def test_of_a_packed_segment_is_not_read(self, copy: Path) -> None:
-        truth = Dataset.open(copy).column("policy")
+        truth = Dataset(copy).column("policy")
         segment = copy / "packed/0-1.npz"
         members = dict(np.load(segment, allow_pickle=False))
         members["episodes/policy"] = members["episodes/policy"][::-1]
         np.savez(segment, allow_pickle=False, **members)
-        assert (Dataset.open(copy).column("policy") != truth).any()
-        assert (Dataset.open(copy, checked=True).column("policy") == truth).all()
+        assert (Dataset(copy).column("policy") != truth).any()
+        assert (Dataset(copy, checked=True).column("policy") == truth).all()
 
     def test_of_an_added_label_is_refused(self, copy: Path) -> None:
         file = next((copy / "labels" / LABEL / "outcome" / "c").iterdir())
         whole = file.read_bytes()
-        dataset = Dataset.open(copy, checked=True)
+        dataset = Dataset(copy, checked=True)
         truth = dataset.label(LABEL)
         for place in range(len(whole)):
             put_back = change(file, place, whole[place] ^ 1)
@@ -187,15 +187,15 @@ class TestMetadata:
         document = json.loads((copy / name).read_text())
         document["attributes"]["more"] = 1
         (copy / name).write_text(json.dumps(document))
-        assert len(Dataset.open(copy)) == N
+        assert len(Dataset(copy)) == N
         with pytest.raises(StoreError, match=r"zarr\.json of .* run grasp-factory verify"):
-            Dataset.open(copy, checked=True)
+            Dataset(copy, checked=True)
 
     def test_without_digests_is_told(self, copy: Path) -> None:
         shutil.rmtree(copy / "episodes/array_crc32c")
-        assert len(Dataset.open(copy)) == N
+        assert len(Dataset(copy)) == N
         with pytest.raises(StoreError, match="open it without checked=True"):
-            Dataset.open(copy, checked=True)
+            Dataset(copy, checked=True)
 
 
 class TestWhatNoDigestHolds:
@@ -205,18 +205,18 @@ class TestWhatNoDigestHolds:
         document["shape"][0] -= 1
         file.write_text(json.dumps(document))
         with pytest.raises(StoreError, match=r"has [0-9]+ rows, episodes/status has"):
-            Dataset.open(copy, checked=True)
+            Dataset(copy, checked=True)
         with pytest.raises(StoreError, match=r"has [0-9]+ rows, episodes/status has"):
             split(copy, copy.with_name("out"), [0])
 
     def test_whole_blocks_that_changed_places_are_refused(self, copy: Path) -> None:
-        for path in (p for p in Dataset.open(copy).arrays() if not p.startswith("labels/")):
+        for path in (p for p in Dataset(copy).arrays() if not p.startswith("labels/")):
             files = [next((copy / path).glob(f"{block}*")) for block in (0, 1)]
             aside = files[0].with_name("aside")
             files[0].rename(aside)
             files[1].rename(files[0])
             aside.rename(files[1])
-        dataset = Dataset.open(copy, checked=True)
+        dataset = Dataset(copy, checked=True)
         i = row_of(copy, 1)
         for read in (
             lambda: dataset[i],
@@ -231,7 +231,7 @@ class TestWhatNoDigestHolds:
 class TestRowsThatAreNotThere:
     def test_hold_fill_values_and_need_no_checksum(self, copy: Path) -> None:
         delete("episodes/status/1")(copy)
-        dataset = Dataset.open(copy, checked=True)
+        dataset = Dataset(copy, checked=True)
         assert dataset.status[4:8].tolist() == [0, 0, 0, 0]
         assert set(dataset.column("policy")[4:8]) == {""}
         with pytest.raises(StoreError, match="episode 5 is missing"):
@@ -259,10 +259,10 @@ def test_whatever_byte_is_changed_an_episode_is_true_or_refused(
     file = data.draw(st.sampled_from(files))
     place = data.draw(st.integers(0, file.stat().st_size - 1))
     flip = data.draw(st.integers(1, 255))
-    truth = {i: Dataset.open(fake)[i].checksum() for i in (0, 2, 3, 4, 5, 6)}
+    truth = {i: Dataset(fake)[i].checksum() for i in (0, 2, 3, 4, 5, 6)}
     put_back = change(file, place, file.read_bytes()[place] ^ flip)
     try:
-        dataset = Dataset.open(fake, checked=True)
+        dataset = Dataset(fake, checked=True)
         for i, checksum in truth.items():
             try:
                 assert dataset[i].checksum() == checksum

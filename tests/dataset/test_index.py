@@ -134,11 +134,11 @@ class TestRows:
     @pytest.mark.slow
     def test_it_has_every_scalar_column_of_the_store(self, store: Path) -> None:
         known = {column.name for column in COLUMNS}
-        scalar = {n for n in Dataset.open(store).columns if Dataset.open(store).column(n).ndim == 1}
+        scalar = {n for n in Dataset(store).columns if Dataset(store).column(n).ndim == 1}
         assert scalar - known == {"spec", "fingerprint"}
 
     def test_values_are_the_stores(self, store: Path, index: Index) -> None:
-        dataset = Dataset.open(store)
+        dataset = Dataset(store)
         compared = 0
         for row in rows_of(index):
             if row["status"] == "quarantined":
@@ -158,10 +158,8 @@ class TestRows:
         assert compared > 300
 
     def test_the_touched_body_is_that_of_a_collision(self, store: Path, index: Index) -> None:
-        dataset = Dataset.open(store)
-        bodies = next(
-            row for row in dataset._fields.values() if row.path.endswith("collision_body")
-        )
+        dataset = Dataset(store)
+        bodies = dataset.features["episodes/collision_body"]
         for row in rows_of(index):
             body = None
             if row["outcome"] == "collision":
@@ -752,12 +750,12 @@ class TestCommands:
         code, out, err = run("query", store, "--where", "success=false", "--ids", "--sort=-row")
         assert (code, err) == (0, "")
         rows = [int(line) for line in out.split()]
-        assert sorted(rows) == Dataset.open(store).where(success=False).tolist()
+        assert sorted(rows) == Dataset(store).where(success=False).indices.tolist()
         assert rows == sorted(rows, reverse=True)
         (tmp_path / "ids.txt").write_text(out)
         code, out, err = run("split", store, tmp_path / "out", "--ids", tmp_path / "ids.txt")
         assert code == 0, err
-        assert not Dataset.open(tmp_path / "out").column("success").any()
+        assert not Dataset(tmp_path / "out").column("success").any()
 
     def test_rows_without_an_episode_in_a_list_are_left_out(
         self, run: Run, store: Path, tmp_path: Path
@@ -765,14 +763,14 @@ class TestCommands:
         _, out, _ = run("query", store, "--ids")
         (tmp_path / "ids.txt").write_text(out)
         code, _, err = run("split", store, tmp_path / "out", "--ids", tmp_path / "ids.txt")
-        committed = Dataset.open(store).committed
+        committed = Dataset(store).committed
         lost = len(out.split()) - len(committed)
         assert lost > 0
         said = (
             f"--ids: {lost} of {len(out.split())} rows of {store} have no episode and are left out"
         )
         assert (code, err.count(said)) == (0, 1)
-        assert len(Dataset.open(tmp_path / "out")) == len(committed)
+        assert len(Dataset(tmp_path / "out")) == len(committed)
         code, _, err = run("sheet", store, tmp_path / "s.png", "--ids", tmp_path / "ids.txt")
         assert (code, err.count(said)) == (0, 1)
         _, out, _ = run("query", store, "--ids", "--where", "status=quarantined")
@@ -789,7 +787,7 @@ class TestCommands:
         (tmp_path / "ids.txt").write_text(out)
         code, _, err = run("split", plain, tmp_path / "out", "--ids", tmp_path / "ids.txt")
         assert (code, err.count("2 of 4 lines are of other stores")) == (0, 1)
-        assert len(Dataset.open(tmp_path / "out")) == 2
+        assert len(Dataset(tmp_path / "out")) == 2
 
     def test_json_has_rows_and_how_many_there_are(self, run: Run, store: Path) -> None:
         _, out, _ = run("query", store, "--json", "--offset", "2", "--limit", "2")

@@ -54,7 +54,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_families_are_counted_policy_by_policy(store: Path) -> None:
-    dataset, found = Dataset.open(store), summarise(Dataset.open(store))
+    dataset, found = Dataset(store), summarise(Dataset(store))
     rows = dataset.committed
     family, policy, success = (
         dataset.column(name)[rows].tolist() for name in ("object_family", "policy", "success")
@@ -74,32 +74,32 @@ def test_families_are_counted_policy_by_policy(store: Path) -> None:
 def test_what_people_say_is_counted(store: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.zarr"
     shutil.copytree(store, copy)
-    assert summarise(Dataset.open(copy)).annotated == 0
+    assert summarise(Dataset(copy)).annotated == 0
     log = AnnotationLog(copy)
     log.append("anna", [0, 1, 3], [("tag", "odd")])
     log.append("anna", [1], [("tag", "keep"), ("outcome", "success")])
     log.append("anna", [3], [("untag", "odd")])
-    found = summarise(Dataset.open(copy))
+    found = summarise(Dataset(copy))
     assert (found.annotated, found.corrected) == (2, 1)
     assert found.tags == {"odd": 2, "keep": 1}
     text = store_text(found, GROUPS)
     assert "2 rows annotated by people, 1 with a corrected label" in text
     assert re.search(r"^odd +2$", text, re.MULTILINE)
-    assert "annotated" not in store_text(summarise(Dataset.open(store)), GROUPS)
+    assert "annotated" not in store_text(summarise(Dataset(store)), GROUPS)
 
 
 def test_a_store_of_before_there_were_families_goes_without(store: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.zarr"
     shutil.copytree(store, copy)
     shutil.rmtree(copy / "episodes/object_family")
-    found = summarise(Dataset.open(copy))
+    found = summarise(Dataset(copy))
     assert (found.families, found.families_by_policy) == ({}, {})
-    assert found.policies == summarise(Dataset.open(store)).policies
+    assert found.policies == summarise(Dataset(store)).policies
     assert "object family" not in store_text(found, GROUPS)
 
 
 def test_the_command_prints_the_tables_and_their_numbers(store: Path) -> None:
-    text = CliRunner().invoke(cli, ["info", str(store)]).output
+    text = CliRunner().invoke(cli, ["info", str(store), "--full"]).output
     facts = json.loads(CliRunner().invoke(cli, ["info", str(store), "--json"]).output)
     for family, tally in facts["families"].items():
         line = re.search(rf"^{family} +(\d+) +([\d.]+) %(.*)$", text, re.MULTILINE)
@@ -159,7 +159,7 @@ def test_a_bar_is_seen_unless_there_is_nothing(share: float, width: int) -> None
 
 def test_a_store_without_episodes_has_its_tables(tmp_path: Path) -> None:
     prepare_store(tmp_path / "empty.zarr", CONFIG, JOINTS, 3, {})
-    text = store_text(summarise(Dataset.open(tmp_path / "empty.zarr")), GROUPS)
+    text = store_text(summarise(Dataset(tmp_path / "empty.zarr")), GROUPS)
     assert "3 of 3 episodes are missing" in text
     assert "outcome  episodes  share" in text
 
@@ -167,7 +167,7 @@ def test_a_store_without_episodes_has_its_tables(tmp_path: Path) -> None:
 class TestPlatforms:
     def test_the_fingerprint_is_told(self, tmp_path: Path, run: Any) -> None:
         store = generated(tmp_path)
-        code, out, _ = run("info", store)
+        code, out, _ = run("info", store, "--full")
         assert code == 0
         assert str(HERE) in out
         assert "platforms" not in out

@@ -30,7 +30,7 @@ def dataset(tmp_path_factory):
                "--seed", "0", "--workers", "2", "--out", str(path), "--json"]  # fmt: skip
     done = subprocess.run(command, capture_output=True, check=True, text=True)
     assert json.loads(done.stdout)["made"] == EPISODES
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 @pytest.fixture(scope="module")

@@ -57,7 +57,7 @@ def test_a_run_that_was_stopped_is_completed_to_the_same_bytes(alone, tmp_path, 
         time.sleep(0.02)
     os.killpg(run.pid, stop)
     run.wait(timeout=60)
-    assert len(Dataset.open(out).committed) < N
+    assert len(Dataset(out).committed) < N
     generate(out, workers=2)
     assert_same_tree(alone, out)
 

@@ -178,7 +178,7 @@ def test_a_recipe_of_another_config_is_refused_wherever_it_is_read(place: Path) 
     store = place / "data" / "s.zarr"
     ATTACKS["a whole row with a recipe with another camera"](store, victim(place))
     with pytest.raises(StoreError, match=r"episode 0 is damaged: spec\.cameras: got \['other'\]"):
-        Dataset.open(store).spec(0)
+        Dataset(store).spec(0)
     check_page(store, place / "out")
 
 

@@ -26,7 +26,7 @@ def old(tmp_path: Path) -> Path:
 
 
 def test_it_is_one_without_fingerprints(old: Path) -> None:
-    dataset = Dataset.open(old)
+    dataset = Dataset(old)
     assert dataset.attributes["versions"]["grasp_factory"] == "0.4.0"
     assert FINGERPRINT not in dataset.attributes
     assert not (old / "episodes" / "fingerprint").exists()
@@ -34,7 +34,7 @@ def test_it_is_one_without_fingerprints(old: Path) -> None:
 
 @pytest.mark.parametrize("checked", [False, True])
 def test_it_reads_as_it_was_written(old: Path, *, checked: bool) -> None:
-    dataset = Dataset.open(old, checked=checked)
+    dataset = Dataset(old, checked=checked)
     assert dataset.status.tolist() == [1, 1, 1, 2]
     for i in dataset.committed.tolist():
         assert dataset[i].checksum() == str(dataset.column("checksum")[i])
@@ -46,13 +46,14 @@ def test_it_reads_as_it_was_written(old: Path, *, checked: bool) -> None:
     "words",
     [
         ("info",),
+        ("info", "--full"),
         ("verify",),
         ("query", "--where", "status=committed"),
         ("tags",),
         ("sheet", "sheet.png"),
         ("split", "few.zarr", "--episodes", "0,2"),
     ],
-    ids=lambda words: words[0],
+    ids=" ".join,
 )
 def test_the_commands_take_it_without_complaint(
     old: Path, words: tuple[str, ...], run: Run, monkeypatch: pytest.MonkeyPatch

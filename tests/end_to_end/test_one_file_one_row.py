@@ -208,7 +208,7 @@ def count_rows(path: Path) -> None:
     """Count the rows of the store at PATH."""
     from grasp_factory.dataset.dataset import Dataset  # noqa: PLC0415
 
-    click.echo(len(Dataset.open(path)))
+    click.echo(len(Dataset(path)))
 '''
 
 ADDITIONS = {
@@ -332,7 +332,7 @@ def generated(package: Path, kind: str, *words: object) -> list[Episode]:
         printed(package, "generate", "--n", 2, "--quiet", "--out", out, *settings, *words)
     assert_same_tree(package / f"{kind}1.zarr", out)
     assert json.loads(printed(package, "verify", out, "--deep", 1, "--json"))["is_whole"]
-    dataset = Dataset.open(out)
+    dataset = Dataset(out)
     assert dataset.committed.tolist() == [0, 1]
     torques = zarr.open_array(out, path="streams/elbow_torque", mode="r")[:]
     joints = dataset.series(0, "joint_torques")["joint_torques"]
@@ -372,7 +372,7 @@ def test_an_exporter_writes(package: Path, tmp_path: Path) -> None:
     printed(package, "generate", "--n", 2, "--quiet", "--out", store, "--resolution", "32x24")
     printed(package, "export", store, tmp_path / "out", "--to", "outcomes", "--workers", 2)
     lines = (tmp_path / "out/outcomes.csv").read_text().splitlines()
-    outcomes = [episode.outcome.name for episode in Dataset.open(store)]
+    outcomes = [episode.outcome.name for episode in Dataset(store)]
     assert lines == [f"{row},{name}" for row, name in enumerate(outcomes)]
     assert printed(package, "count-rows", store) == "2\n"
 

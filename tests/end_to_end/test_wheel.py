@@ -72,9 +72,9 @@ def test_it_makes_reads_and_checks_episodes_where_there_is_no_checkout(
     run(program, "generate", "--n", "4", "--resolution", "64x48", "--quiet", "--out", "s.zarr")
     run(program, "verify", "s.zarr", "--deep", "1")
     code = (
-        "import grasp_factory; ds = grasp_factory.Dataset.open('s.zarr');"
+        "import grasp_factory; ds = grasp_factory.Dataset('s.zarr');"
         "print(grasp_factory.__file__, *(ds[i].checksum() for i in range(4)))"
     )
     home, *checksums = run(python, "-I", "-c", code).split()
     assert Path(home) == site_packages(tmp_path / "venv") / "grasp_factory" / "__init__.py"
-    assert checksums == Dataset.open(tmp_path / "s.zarr").column("checksum").tolist()
+    assert checksums == Dataset(tmp_path / "s.zarr").column("checksum").tolist()

@@ -130,7 +130,7 @@ def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "no-metadata.zarr/streams/phase/zarr.json").unlink()
     next((folder / "no-chunk.zarr/streams/phase").glob("[0-9]*")).unlink()
     shutil.copytree(varied(), folder / "panda.zarr")
-    Dataset.open(TINY).export("sequences", folder / "exported")
+    Dataset(TINY).export("sequences", folder / "exported")
     plain = {"seed": 92, "resolution": [64, 48], "physics": to_plain(PHYSICS_PRESETS["fast"])}
     generate(FactoryConfig.from_plain(plain), 16, folder / "learn.zarr", workers=1)
     bags.ros1(folder / "drive.bag", [("/ft", bags.WRENCH, 0, bags.wrench((0, 0, 1), (0, 0, 0)))])
@@ -256,13 +256,13 @@ def test_the_reader_and_the_examples_for_torch_work(
     code = (
         "import sys; from grasp_factory import Dataset;"
         "from grasp_factory.torch import GraspDataset;"
-        "print(*(episode.checksum() for episode in Dataset.open('learn.zarr')));"
+        "print(*(episode.checksum() for episode in Dataset('learn.zarr')));"
         "print(len(GraspDataset('learn.zarr')), *[n for n in sys.modules if 'pybullet' in n])"
     )
     done = run(python, ["-c", code], here, variables)
     assert done.returncode == 0, done.stderr
     checksums, count = done.stdout.splitlines()
-    assert checksums.split() == Dataset.open(here / "learn.zarr").column("checksum").tolist()
+    assert checksums.split() == Dataset(here / "learn.zarr").column("checksum").tolist()
     assert int(count) > 8
 
 

@@ -107,9 +107,9 @@ def test_a_run_that_is_killed_and_resumed_has_the_bytes_of_a_clean_one(
         run.communicate()
     wait_for_group(run.pid)
     if there:
-        assert set(range(there)) <= set(Dataset.open(out).committed.tolist())
+        assert set(range(there)) <= set(Dataset(out).committed.tolist())
     finish(start(out))
-    assert Dataset.open(out).committed.tolist() == list(range(N))
+    assert Dataset(out).committed.tolist() == list(range(N))
     assert_same_tree(want, out)
     left = {path.name for path in tmp_path.iterdir()} - {"ds.zarr", "ds.zarr.runs.jsonl"}
     assert left == set()

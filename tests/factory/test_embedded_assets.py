@@ -93,7 +93,7 @@ def test_a_folder_is_used_with_its_refusals_and_warnings_named(made: tuple[Path,
     folder, said = made
     assert "things: broken.stl is skipped: it has no faces" in said
     assert "größer.obj: taken as millimetres" in said
-    ids = set(Dataset.open(folder / "a.zarr").column("object_id"))
+    ids = set(Dataset(folder / "a.zarr").column("object_id"))
     assert ids <= {"things/small", "things/größer"}
 
 
@@ -121,7 +121,7 @@ def test_going_on_elsewhere_converts_no_mesh_again(
     used: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Conversion may differ by machine, so it is done once: here what converts cannot be loaded."""
-    config = Dataset.open(used / "a.zarr").config
+    config = Dataset(used / "a.zarr").config
     factory.generate(config, 6, used / "whole.zarr", workers=1)
     (used / "config.yaml").write_text(json.dumps(config.to_plain()))
     shutil.rmtree(used / "things")

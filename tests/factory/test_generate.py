@@ -117,7 +117,7 @@ class TestARun:
     def test_makes_every_episode_and_counts_it_once(self, out: Path) -> None:
         summary = generate(CONFIG, 10, out, workers=1)
         assert (summary.asked, summary.made, summary.already_there) == (10, 10, 0)
-        dataset = Dataset.open(out)
+        dataset = Dataset(out)
         assert dataset.committed.tolist() == list(range(10))
         assert summary.store == summarise(dataset)
         assert summary.episodes_per_second == pytest.approx(10 / summary.seconds, rel=0.01)
@@ -129,18 +129,18 @@ class TestARun:
         assert isinstance(plan, RunPlan)
         assert (plan.episodes, plan.to_make, plan.blocks, plan.workers) == (6, 6, (0, 1), 1)
         assert [m.index for m in made] == list(range(6))
-        dataset = Dataset.open(out)
+        dataset = Dataset(out)
         for m in made:
             assert m.outcome == dataset[m.index].outcome.name.lower()
             assert m.policy == dataset[m.index].spec.policy
 
     def test_stores_what_the_recipe_gives(self, whole: Path) -> None:
-        for i, episode in enumerate(Dataset.open(whole)):
+        for i, episode in enumerate(Dataset(whole)):
             assert episode.spec == sample_spec(CONFIG, i)
             assert episode.checksum() == pretend(None, episode.spec).checksum()  # type: ignore[arg-type]
 
     def test_stores_the_robots_facts(self, whole: Path) -> None:
-        assert Dataset.open(whole).attributes["robot"] == ROBOTS["kuka_iiwa"].facts()
+        assert Dataset(whole).attributes["robot"] == ROBOTS["kuka_iiwa"].facts()
 
     def test_again_makes_nothing_and_changes_no_byte(self, ten: Path) -> None:
         before = tree(ten.parent)
@@ -169,7 +169,7 @@ class TestARunThatIsStopped:
 
         with pytest.raises(KeyboardInterrupt):
             generate(CONFIG, 10, out, workers=1, on_episode=stop_at_six)
-        assert Dataset.open(out).committed.tolist() == [0, 1, 2, 3]
+        assert Dataset(out).committed.tolist() == [0, 1, 2, 3]
         summary = generate(CONFIG, 10, out, workers=1)
         assert (summary.made, summary.already_there) == (6, 4)
         assert_same_tree(out, whole)
@@ -182,7 +182,7 @@ class TestARunThatIsStopped:
 
         fake(breaks)
         assert generate(CONFIG, 8, out, workers=1, max_failures=1.0).store.quarantined == 3
-        dataset = Dataset.open(out)
+        dataset = Dataset(out)
         assert dataset.committed.tolist() == [0, 1, 2, 3, 4]
         assert dataset.column("error")[6] == "ZeroDivisionError: division by zero"
         assert dataset.spec(6) == sample_spec(CONFIG, 6)
@@ -216,7 +216,7 @@ class TestGrowingACutBlock:
     def test_loses_none_on_the_way(
         self, ten: Path, twelve: Path, monkeypatch: pytest.MonkeyPatch, writes: int
     ) -> None:
-        want = {i: Dataset.open(ten)[i].checksum() for i in (8, 9)}
+        want = {i: Dataset(ten)[i].checksum() for i in (8, 9)}
         left = writes
 
         write = Place.write
@@ -232,7 +232,7 @@ class TestGrowingACutBlock:
         with monkeypatch.context() as patch, pytest.raises(StoreError, match="No space left"):
             patch.setattr(Place, "write", fails_later)
             generate(CONFIG, 12, ten, workers=1)
-        dataset = Dataset.open(ten, checked=True)
+        dataset = Dataset(ten, checked=True)
         assert dataset.committed.tolist() == list(range(10))
         assert {i: dataset[i].checksum() for i in (8, 9)} == want
         files = BlockChecker(ten)
@@ -289,7 +289,7 @@ class TestARecipeThatCannotBeBuilt:
         assert (summary.store.quarantined, summary.store.committed) == (1, 4)
         assert sum(summary.store.outcomes.values()) == 4
         assert (made[2].outcome, made[2].reason) == ("quarantined", "duck.urdf cannot be loaded")
-        dataset = Dataset.open(out)
+        dataset = Dataset(out)
         assert dataset.column("error")[2] == "duck.urdf cannot be loaded"
         assert dataset.spec(2) == sample_spec(CONFIG, 2)
 
@@ -358,7 +358,7 @@ def test_a_run_that_was_refused_leaves_no_diary(out: Path, monkeypatch: pytest.M
 def test_a_store_is_gone_on_with_by_its_own_config_however_that_was_built(out: Path) -> None:
     built = dataclasses.replace(CONFIG, policies={"uniform": 1}, seed=np.int64(3))  # type: ignore[arg-type]
     generate(built, np.int64(2), out, workers=1)  # type: ignore[arg-type]
-    summary = generate(Dataset.open(out).config, 3, out, workers=1)
+    summary = generate(Dataset(out).config, 3, out, workers=1)
     assert summary.store.committed == 3
     read = FactoryConfig.from_plain(json.loads(json.dumps(built.to_plain())))
     assert generate(read, 3, out, workers=1).made == 0
@@ -401,7 +401,7 @@ class TestARunThatFillsSegments:
         for n in (10, 14):
             summary = generate(CONFIG, n, out, workers=1)
         assert self.packed(out) == ["0-0.npz", "1-1.npz", "2-2.npz"]
-        assert summary.store == summarise(Dataset.open(out))
+        assert summary.store == summarise(Dataset(out))
         assert summary.store.bytes == sum(len(data) for data in tree(out).values())
         whole = out.with_name("whole.zarr")
         generate(CONFIG, 14, whole, workers=1)
@@ -419,14 +419,14 @@ def test_an_empty_store_has_no_rates(out: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         generate(CONFIG, 3, out, workers=1, on_start=stop)
-    summary = summarise(Dataset.open(out))
+    summary = summarise(Dataset(out))
     assert (summary.committed, summary.missing) == (0, 3)
     assert summary.success_rate is None
     assert summary.bytes_per_episode is None
 
 
 def test_a_summary_counts_what_the_store_holds(whole: Path) -> None:
-    dataset = Dataset.open(whole)
+    dataset = Dataset(whole)
     summary = summarise(dataset)
     episodes = list(dataset)
     assert summary.successes == sum(e.success for e in episodes)

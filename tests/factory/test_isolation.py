@@ -57,7 +57,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def checksums(path: Path) -> dict[int, str]:
-    dataset = Dataset.open(path)
+    dataset = Dataset(path)
     column = dataset.column("checksum")
     return {int(i): column[i] for i in dataset.committed}
 
@@ -93,11 +93,11 @@ def test_an_episode_that_cannot_be_made_is_quarantined_alone(
     assert done.returncode == 0, done.stderr
     summary, want = json.loads(done.stdout), checksums(clean)
     assert list(summary["quarantined"]) == [str(i) for i in deeds]
-    config = FactoryConfig.from_plain(Dataset.open(out).attributes["config"])
+    config = FactoryConfig.from_plain(Dataset(out).attributes["config"])
     for i, deed in deeds.items():
         assert f"episode {i} is quarantined: {KINDS[deed]}\n" in done.stderr
         assert summary["quarantined"][str(i)] == KINDS[deed]
-        assert Dataset.open(out).spec(i) == sample_spec(config, i)
+        assert Dataset(out).spec(i) == sample_spec(config, i)
         del want[i]
     assert checksums(out) == want
 
@@ -138,10 +138,10 @@ def test_more_failures_than_allowed_are_exit_code_1_and_the_rest_is_there(
     done = generate(out, deeds, "--max-failures", 0.3)
     assert done.returncode == 1
     assert "4 of 12 episodes are quarantined, more than --max-failures 0.3 allows" in done.stderr
-    assert len(Dataset.open(out).committed) == 8
+    assert len(Dataset(out).committed) == 8
     again = ("generate", "--n", N, "--out", out, *TINY, "--max-failures")
     code, _, _ = run(*again, 0.3)  # without deeds: what is quarantined is not made again
-    assert (code, len(Dataset.open(out).committed)) == (1, 8)
+    assert (code, len(Dataset(out).committed)) == (1, 8)
     assert run(*again, 0.4)[0] == 0
 
 

@@ -55,7 +55,7 @@ def store(made: Path, tmp_path: Path) -> Path:
 
 
 def read(path: Path, kind: str, rows: NDArray[np.int64] | None = None) -> Examples:
-    reader = ExampleReader(dataset=Dataset.open(path), uses=KINDS[kind])
+    reader = ExampleReader(dataset=Dataset(path), uses=KINDS[kind])
     return reader.read(reader.usable() if rows is None else rows)
 
 
@@ -76,9 +76,9 @@ def overwrite_what_came_later(path: Path) -> list[str]:
     """Overwrite all of a store's arrays but for what was known when the lift began."""
     rng = np.random.default_rng(0)
     phase = np.asarray(zarr.open_group(path, mode="r")["streams/phase"][:])
-    n_steps = Dataset.open(path).column("n_steps")
+    n_steps = Dataset(path).column("n_steps")
     changed = []
-    for name, array in Dataset.open(path).arrays().items():
+    for name, array in Dataset(path).arrays().items():
         writable: Any = zarr.open_group(path, mode="r+")[name]
         values = np.asarray(array[:])
         before = values.copy()

@@ -67,11 +67,11 @@ def out(six: Path, tmp_path: Path) -> Path:
 
 
 def texts(store: Path) -> list[str]:
-    return [str(text) for text in Dataset.open(store).column("fingerprint")]
+    return [str(text) for text in Dataset(store).column("fingerprint")]
 
 
 def test_a_store_and_each_of_its_rows_tell_the_platform(out: Path) -> None:
-    dataset = Dataset.open(out)
+    dataset = Dataset(out)
     assert dataset.status.tolist() == [1, 1, 2, 1, 1, 1]
     assert fingerprint_of(dataset.attributes) == HERE
     assert texts(out) == [HERE.text] * 6
@@ -85,7 +85,7 @@ def test_the_platform_has_no_part_in_an_episodes_checksum(
     other = out.with_name("other.zarr")
     generate(CONFIG, 6, other, workers=1)
     assert texts(other) == [THERE.text] * 6
-    ours, theirs = (Dataset.open(store) for store in (out, other))
+    ours, theirs = (Dataset(store) for store in (out, other))
     assert ours.column("checksum").tolist() == theirs.column("checksum").tolist()
 
 
@@ -122,7 +122,7 @@ class TestOnAnotherPlatform:
         assert "another platform" in said
         assert "engine (simulation steps)" in said
         assert texts(out) == [HERE.text] * 6 + [THERE.text] * 4
-        assert fingerprint_of(Dataset.open(out).attributes) == HERE
+        assert fingerprint_of(Dataset(out).attributes) == HERE
 
     def test_a_quarantined_row_that_is_tried_again_gets_the_text_of_here(self, out: Path) -> None:
         with pytest.warns(GraspFactoryWarning):
@@ -177,17 +177,17 @@ class TestAStoreOfAVersionWithoutFingerprints:
     def test_is_complete_as_ever(self, tmp_path: Path) -> None:
         store = old_store(tmp_path)
         before = tree(store)
-        assert generate(Dataset.open(store).config, 4, store, workers=1).made == 0
+        assert generate(Dataset(store).config, 4, store, workers=1).made == 0
         assert tree(store) == before
-        assert FINGERPRINT not in Dataset.open(store).attributes
-        assert "fingerprint" not in Dataset.open(store).columns
+        assert FINGERPRINT not in Dataset(store).attributes
+        assert "fingerprint" not in Dataset(store).columns
 
     def test_grows_only_if_that_is_accepted(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         store = old_store(tmp_path)
-        config = Dataset.open(store).config
-        sample = Dataset.open(store)[0]
+        config = Dataset(store).config
+        sample = Dataset(store)[0]
         monkeypatch.setattr(
             block_maker, "run_episode", lambda world, spec: dataclasses.replace(sample, spec=spec)
         )
@@ -198,7 +198,7 @@ class TestAStoreOfAVersionWithoutFingerprints:
         with pytest.warns(GraspFactoryWarning) as told:
             generate(config, 6, store, workers=1, accept_other_platform=True)
         assert "without fingerprints" in str(told[0].message)
-        dataset = Dataset.open(store)
+        dataset = Dataset(store)
         assert dataset.status.tolist() == [1, 1, 1, 2, 1, 1]
         assert "fingerprint" not in dataset.columns
 

@@ -106,7 +106,7 @@ class TestParts:
             other.share()
             with pytest.raises(StoreBusyError, match="room for 10 episodes, and cannot grow to 26"):
                 generate(CONFIG, 26, tmp_path / "out", workers=1, shard=Shard(1, 2))
-        assert len(Dataset.open(tmp_path / "out")) == 10
+        assert len(Dataset(tmp_path / "out")) == 10
 
     def test_leave_nothing_beside_the_store(self, tmp_path: Path) -> None:
         for index in range(2):

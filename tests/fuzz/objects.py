@@ -74,7 +74,7 @@ TARGETS = {
     "config": text(lambda given: FactoryConfig.from_plain(parse_yaml(given, "config")), CONFIG),
     "spec": Target(
         lambda data: recipe(data.decode("utf-8", "replace")),
-        lambda: [Dataset.open(TINY).spec(0).to_json().encode()],
+        lambda: [Dataset(TINY).spec(0).to_json().encode()],
         is_json=True,
     ),
     "limits": text(parse_limits, b"chunk=4GiB,log=1GiB"),

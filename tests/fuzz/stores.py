@@ -78,7 +78,7 @@ def made(
 
 def read_rows() -> None:
     """Read all of two episodes."""
-    dataset = Dataset.open(store())
+    dataset = Dataset(store())
     for row in (0, 3):
         dataset[row]
 
@@ -90,7 +90,7 @@ def read_log() -> object:
 
 def read_recipe() -> object:
     """Read a recipe."""
-    return Dataset.open(store()).spec(0)
+    return Dataset(store()).spec(0)
 
 
 def with_checksum(data: bytes) -> bytes:
@@ -117,7 +117,7 @@ def recipes(data: bytes) -> bytes:
 
 def specs() -> list[bytes]:
     """Return a recipe of the store."""
-    return [Dataset.open(store()).spec(0).to_json().encode()]
+    return [Dataset(store()).spec(0).to_json().encode()]
 
 
 def parse_name(data: bytes) -> None:

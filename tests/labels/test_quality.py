@@ -469,7 +469,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 class TestInTheStore:
     def test_columns_are_those_measured_on_what_is_stored(self, store: Path) -> None:
-        dataset = Dataset.open(store)
+        dataset = Dataset(store)
         columns = {name: dataset.column(name) for name in MEASURED}
         for i, episode in enumerate(dataset):
             again = dataclasses.asdict(inspect_episode(episode))
@@ -482,7 +482,7 @@ class TestInTheStore:
         assert quality_scores(columns, dataset.config.quality).tolist() == stored.tolist()
 
     def test_other_thresholds_give_the_scores_of_a_run_with_them(self, store: Path) -> None:
-        dataset = Dataset.open(store)
+        dataset = Dataset(store)
         columns = {name: dataset.column(name) for name in MEASURED}
         other = QualityConfig(min_sharpness=1.0, max_exposure=0.3, min_target_pixels=90)
         scores = quality_scores(columns, other).tolist()
@@ -492,19 +492,19 @@ class TestInTheStore:
                 assert run_episode(world, spec).columns["quality"] == scores[i] < BEST
 
     def test_a_score_can_be_asked_for(self, store: Path) -> None:
-        dataset = Dataset.open(store)
-        assert dataset.where(quality=[4, 5]).tolist() == list(range(6))
-        assert dataset.where(quality=1).tolist() == []
+        dataset = Dataset(store)
+        assert dataset.where(quality=[4, 5]).indices.tolist() == list(range(6))
+        assert dataset.where(quality=1).indices.tolist() == []
 
     def test_the_summary_counts_the_scores_and_the_report_says_them(
         self, store: Path, tmp_path: Path
     ) -> None:
-        summary = summarise(Dataset.open(store))
+        summary = summarise(Dataset(store))
         assert summary.quality == {"5": 6}
         assert "quality scores, 5 is the best: 6 with 5" in store_text(summary, ("policy",))
         config = FactoryConfig(**TINY, quality=BLUR_OF_NOTHING)
         generate(config, 3, tmp_path / "poor.zarr", workers=1)
-        poor = summarise(Dataset.open(tmp_path / "poor.zarr"))
+        poor = summarise(Dataset(tmp_path / "poor.zarr"))
         assert poor.quality == {"4": 3}
 
     def test_a_store_from_before_there_were_scores_is_summarised_without(
@@ -513,7 +513,7 @@ class TestInTheStore:
         old = tmp_path / "old.zarr"
         shutil.copytree(store, old)
         shutil.rmtree(old / "episodes/quality")
-        summary = summarise(Dataset.open(old))
+        summary = summarise(Dataset(old))
         assert summary.quality == {}
         assert "quality" not in store_text(summary, ("policy",))
 
@@ -539,7 +539,7 @@ class TestTheGate:
     def test_quarantines_and_the_replay_is_refused_alike(self, tmp_path: Path) -> None:
         path = tmp_path / "ds.zarr"
         generate(FactoryConfig(**TINY, quality=self.ASKING), 2, path, workers=1)
-        dataset = Dataset.open(path)
+        dataset = Dataset(path)
         assert dataset.status.tolist() == [2, 2]
         reason = str(dataset.column("error")[0])
         assert reason.startswith("quality 4 is below min_score 5: sharpness 0.")

@@ -65,7 +65,7 @@ def store_with(path: Path, content: bytes, sha256: str) -> Dataset:
     """Write a store that contains an archive of a user's objects."""
     config = small_config(object_sets={"mine": 1.0}, object_folders={"mine": sha256})
     prepare_store(path, config, JOINTS, 1, {}, carried={"objects/mine": content})
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 def test_a_user_s_mesh_comes_from_the_store_at_the_recipe_s_scale(

@@ -74,7 +74,7 @@ def check(peer: str, work: Path) -> str:
     if not store.exists():
         command = [sys.executable, "-m", "grasp_factory", "generate", "--out", store, "--quiet"]
         subprocess.run([*command, *STORE, *more], check=True)
-    dataset, export, read = Dataset.open(store), work / peer, work / f"{peer}.npz"
+    dataset, export, read = Dataset(store), work / peer, work / f"{peer}.npz"
     dataset.export(compare.FORMAT, export, **compare.SETTINGS)
     command = [python, str(HERE / peer / "read.py"), str(export), str(read)]
     subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": source_of(peer)})

@@ -77,7 +77,7 @@ def run(peer: str, folder: Path) -> str:
     subprocess.run([*generate, *training.generate], check=True)
     export = folder / peer
     if not export.exists():
-        Dataset.open(store).export(training.format, export)
+        Dataset(store).export(training.format, export)
     command = [python_of(peer), str(HERE / peer / "train.py"), str(export), *training.arguments]
     env = {**os.environ, "PYTHONPATH": source_of(peer)}
     done = subprocess.run(command, check=True, env=env, stdout=subprocess.PIPE, text=True)

@@ -265,7 +265,7 @@ class TestImport:
 
 class TestTheModelInTheStore:
     def test_it_is_there_and_the_config_names_it(self, made: Path) -> None:
-        dataset = Dataset.open(made)
+        dataset = Dataset(made)
         assert dataset.config.models == {"learned": digest(tiny_model(7))}
         array = zarr.open_array(made / "models" / "learned", mode="r")
         assert np.asarray(array[:]).tobytes() == tiny_model(7)
@@ -291,7 +291,7 @@ class TestTheModelInTheStore:
     def test_a_run_goes_on_from_the_store_alone(self, store: Path) -> None:
         whole = config_of(digest(tiny_model(7)))
         assert generate(whole, N + 1, store, workers=1).made == 1
-        assert Dataset.open(store).spec(N).policy_parameters["model"] == digest(tiny_model(7))
+        assert Dataset(store).spec(N).policy_parameters["model"] == digest(tiny_model(7))
 
     def test_another_model_is_another_dataset(self, store: Path) -> None:
         other = config_of(model_registry.keep(tiny_model(8)))
@@ -338,7 +338,7 @@ def test_a_model_that_is_lost_while_blocks_are_made_is_no_episodes_fault(
     monkeypatch.setattr("grasp_factory.factory.embedded_assets.packed", lambda config: {})
     with pytest.raises(ConfigError, match="has no trained model"):
         generate(config, N, tmp_path / "b.zarr", workers=1)
-    assert not Dataset.open(tmp_path / "b.zarr").status.any()
+    assert not Dataset(tmp_path / "b.zarr").status.any()
 
 
 def test_the_models_that_a_config_names_are_those_of_policies_that_it_asks() -> None:

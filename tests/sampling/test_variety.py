@@ -90,7 +90,7 @@ class TestDeterminism:
             run = [*COMMAND, *STRONG, "--n", "5", "--workers", str(workers)]
             subprocess.run([*run, "--out", str(tmp_path / f"{workers}.zarr")], check=True)
         assert_same_tree(tmp_path / "1.zarr", tmp_path / "3.zarr")
-        dataset = Dataset.open(tmp_path / "1.zarr")
+        dataset = Dataset(tmp_path / "1.zarr")
         assert [i for i in range(5) if not dataset.verify(i)] == []
 
     @pytest.mark.soak
@@ -238,7 +238,7 @@ class TestVideo:
     def test_it_comes_back_from_a_store_frame_for_frame(self, tmp_path: Path) -> None:
         config = variant(video_hz=4, block_size=2, resolution=(48, 32))
         generate(config, 3, tmp_path / "s.zarr", workers=1)
-        dataset = Dataset.open(tmp_path / "s.zarr")
+        dataset = Dataset(tmp_path / "s.zarr")
         with World() as world:
             for index in range(3):
                 episode = run_episode(world, sample_spec(config, index))

@@ -381,7 +381,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def dataset(path: Path) -> Dataset:
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 @pytest.fixture(scope="module")
@@ -392,13 +392,13 @@ def made_up(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     prepare_store(path, config, JOINTS, 12, {})
     for block in range(3):
         ZarrWriter(path).write_block(block, make_rows(config, block, 12, [5]))
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 class TestInADataset:
     @pytest.mark.slow
     def test_a_crop_is_of_the_episodes_grasp_images_and_calibration(self, dataset: Dataset) -> None:
-        for row in dataset.where(success=[True, False]).tolist():
+        for row in dataset.where(success=[True, False]).indices.tolist():
             cameras = dataset[row].cameras.items()
             images = [
                 CameraImage(
@@ -425,7 +425,7 @@ class TestInADataset:
             )
 
     def test_the_target_is_in_the_middle_of_a_grasp_that_holds_it(self, dataset: Dataset) -> None:
-        rows = dataset.where(success=True).tolist()
+        rows = dataset.where(success=True).indices.tolist()
         assert rows
         for row in rows:
             label = dataset.grasp_crop(row).label
@@ -433,14 +433,14 @@ class TestInADataset:
             assert (middle == Label.TARGET).mean() > 0.5
 
     def test_noise_is_that_of_the_images(self, path: Path) -> None:
-        noisy = Dataset.open(path, noise="stereo", noise_seed=1)
+        noisy = Dataset(path, noise="stereo", noise_seed=1)
         row = int(noisy.committed[0])
         image = noisy.scenes([row])[0]["front"]
         depth = noisy.image(row, "front", "depth", 0)
         assert image.depth.tobytes() == depth.tobytes()
         T = looking_down(0.55, 0.0, 0.0)
         assert same(noisy.grasp_crop(row, T_world_tcp=T, camera="front"), grasp_crop([image], T))
-        clean = Dataset.open(path).grasp_crop(row, T_world_tcp=T)
+        clean = Dataset(path).grasp_crop(row, T_world_tcp=T)
         assert not same(clean, noisy.grasp_crop(row, T_world_tcp=T))
 
     def test_an_episode_without_a_grasp_says_so_and_takes_any(self, made_up: Dataset) -> None:
@@ -503,6 +503,6 @@ class TestInADataset:
 
 def test_an_old_sample_has_crops(tmp_path: Path) -> None:
     samples = TINY
-    dataset = Dataset.open(shutil.copytree(samples, tmp_path / "tiny.zarr"))
-    for row in dataset.where(success=True).tolist():
+    dataset = Dataset(shutil.copytree(samples, tmp_path / "tiny.zarr"))
+    for row in dataset.where(success=True).indices.tolist():
         assert (dataset.grasp_crop(row).label == Label.TARGET).sum() > 20

@@ -145,8 +145,8 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def dataset(path: Path) -> Dataset:
-    dataset = Dataset.open(path)
-    assert dataset.where(success=True).size
+    dataset = Dataset(path)
+    assert dataset.where(success=True).indices.size
     return dataset
 
 
@@ -176,7 +176,7 @@ class TestAnEpisodesCloud:
     @BOTH
     def test_has_the_target_within_its_bounding_box(self, dataset: Dataset, frame: int) -> None:
         """After an attempt that was cut short things may have moved since the last record."""
-        for i in dataset.committed if frame == 0 else dataset.where(success=True):
+        for i in dataset.committed if frame == 0 else dataset.where(success=True).indices:
             recipe = dataset.spec(i).objects[0]
             corners = find_set(recipe.object_set).model(recipe.object_id).corners() * recipe.scale
             cloud = dataset.point_cloud(i, frame=frame, of="target", in_frame="object")
@@ -189,7 +189,7 @@ class TestAnEpisodesCloud:
     ) -> None:
         mount = CAMERAS["wrist"].config
         T_tcp_camera = look_at(mount.eye, mount.target, mount.up)
-        for i in dataset.where(success=True):
+        for i in dataset.where(success=True).indices:
             seen, in_hand = (
                 dataset.point_cloud(i, "wrist", frame, in_frame=name).points
                 for name in ("camera", "tcp")
@@ -199,7 +199,7 @@ class TestAnEpisodesCloud:
     def test_has_what_was_grasped_between_the_pads(self, dataset: Dataset) -> None:
         """Where the target's points pass the TCP they lie within the opening, along y."""
         seen = 0
-        for i in dataset.where(success=True):
+        for i in dataset.where(success=True).indices:
             cloud = dataset.point_cloud(i, of="target", in_frame="grasp")
             half = dataset.value(i, "grasp_width") / 2.0
             near = np.abs(cloud.points[:, [0, 2]]).max(axis=1) < 0.005
@@ -208,7 +208,7 @@ class TestAnEpisodesCloud:
         assert seen > 0
 
     def test_comes_back_from_every_frame(self, dataset: Dataset) -> None:
-        i = int(dataset.where(success=True)[0])
+        i = int(dataset.where(success=True).indices[0])
         world = dataset.point_cloud(i, "front", 1)
         episode = dataset[i]
         grasp = [episode.columns[f"grasp_{part}"] for part in ("position", "quat_xyzw")]
@@ -250,7 +250,7 @@ class TestAnEpisodesCloud:
         assert set(objects.labels) == {label for part in parts for label in part.labels}
 
     def test_with_noise_is_that_of_the_noisy_images(self, path: Path) -> None:
-        noisy = Dataset.open(path, noise="stereo", noise_seed=3)
+        noisy = Dataset(path, noise="stereo", noise_seed=3)
         depth = noisy.image(2, "front", "depth", 0)
         rgb = noisy[2].cameras["front"].rgb[0]
         cloud = noisy.point_cloud(2, "front", in_frame="camera")
@@ -264,7 +264,7 @@ class TestAnEpisodesCloud:
     def test_is_the_same_in_another_process(
         self, path: Path, tmp_path: Path, how: dict[str, Any]
     ) -> None:
-        dataset = Dataset.open(path, **how)
+        dataset = Dataset(path, **how)
         (tmp_path / "dataset").write_bytes(pickle.dumps(dataset))
         code = (
             "import hashlib, pickle, sys\n"
@@ -294,7 +294,7 @@ def idle(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     }
     episode = dataclasses.replace(episode, outcome=Outcome.NO_PLAN, columns=columns)
     ZarrWriter(path).write_block(0, [episode, *(make_episode(config, i) for i in (1, 2, 3))])
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 class TestACloudThatThereIsNotIsRefused:
@@ -339,7 +339,7 @@ def test_noise_is_the_episodes_own_in_a_store_that_was_taken_out_of_another(
     path: Path, tmp_path: Path
 ) -> None:
     split(path, tmp_path / "two", [2, 5])
-    whole, two = (Dataset.open(p, noise="stereo") for p in (path, tmp_path / "two"))
+    whole, two = (Dataset(p, noise="stereo") for p in (path, tmp_path / "two"))
     for row, was in enumerate((2, 5)):
         episode = whole[was]
         front = episode.cameras["front"]

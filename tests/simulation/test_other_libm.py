@@ -41,7 +41,7 @@ def test_repair_simulates_only_what_is_accepted(store: Path) -> None:
     assert LIBM in refused.stdout
     accepted = ("repair", store, "--workers", 1, "--accept-other-platform")
     assert command(*accepted, **WITHOUT_FMA).returncode == 0
-    first, second = Dataset.open(store).column("fingerprint").tolist()
+    first, second = Dataset(store).column("fingerprint").tolist()
     assert first != second
 
 
@@ -58,4 +58,4 @@ def test_merge_takes_parts_of_one_seed_only_if_that_is_accepted(store: Path) -> 
     accepted = command("merge", out, here, there, "--accept-other-platform")
     assert accepted.returncode == 0
     assert accepted.stdout.count("warning:") == 1
-    assert len(set(Dataset.open(out).column("fingerprint").tolist())) == 2
+    assert len(set(Dataset(out).column("fingerprint").tolist())) == 2

@@ -160,7 +160,7 @@ class TestStores:
         path = tmp_path / "s.zarr"
         config = FactoryConfig(resolution=(64, 48), renderer=Renderer.EGL)
         generate(config, 1, path, workers=1)
-        K = Dataset.open(path)[0].cameras["front"].intrinsics
+        K = Dataset(path)[0].cameras["front"].intrinsics
         assert (K[0, 2], K[1, 2]) == (31.5, 23.5)
         assert replay(path, 0).same
 

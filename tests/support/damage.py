@@ -103,7 +103,7 @@ def readings(store: Path, *, checked: bool = False) -> Iterator[tuple[str, Any]]
     bit. An error that is not one of this package passes.
     """
     try:
-        dataset = Dataset.open(store, checked=checked)
+        dataset = Dataset(store, checked=checked)
     except GraspFactoryError as error:
         yield "open", error
         return
@@ -163,7 +163,7 @@ def _blocks(dataset: Dataset) -> list[Any]:
 
 
 def _successes(dataset: Dataset) -> Any:
-    return dataset.where(success=True)
+    return dataset.where(success=True).indices
 
 
 def _arrays(dataset: Dataset) -> list[Any]:

@@ -30,7 +30,7 @@ LOST_AFTER_S = 2.0
 @cache
 def noisy_episode() -> Episode:
     """Return a stored episode as noisy sensors measured it."""
-    return Dataset.open(TINY, noise="stereo", noise_seed=4)[0]
+    return Dataset(TINY, noise="stereo", noise_seed=4)[0]
 
 
 def simulator(model: DeviceModel, **playing: Any) -> SimulatedDevice[Any]:

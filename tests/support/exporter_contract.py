@@ -54,7 +54,7 @@ def make_store(path: Path, **changes: Any) -> Dataset:
     prepare_store(path, config, JOINTS, N, {})
     for block in (0, 1):
         ZarrWriter(path).write_block(block, make_rows(config, block, N, (QUARANTINED,)))
-    return Dataset.open(path, checked=True)
+    return Dataset(path, checked=True)
 
 
 def export_until_killed(
@@ -149,7 +149,7 @@ class ExporterContract(ExportFixtures):
     def test_every_array_is_written_or_left_out_for_a_reason(
         self, exporter: Exporter, dataset: Dataset
     ) -> None:
-        assert exporter.contents.not_mentioned(dataset.fields.values()) == []
+        assert exporter.contents.not_mentioned(dataset.features.values()) == []
         assert all([*exporter.contents.left_out.values(), *exporter.contents.treatment.values()])
 
     def test_it_says_which_rows_it_has(

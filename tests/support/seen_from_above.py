@@ -78,4 +78,4 @@ def store_of(path: Path, episodes: Sequence[Episode]) -> Dataset:
     for block in range(0, len(episodes), CONFIG.block_size):
         rows = episodes[block : block + CONFIG.block_size]
         ZarrWriter(path).write_block(block // CONFIG.block_size, rows)
-    return Dataset.open(path)
+    return Dataset(path)

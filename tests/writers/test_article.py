@@ -17,7 +17,7 @@ from grasp_factory.writers.exporters.article import label
 
 @pytest.mark.parametrize("camera", ["front", "wrist"])
 def test_every_value_is_read_back(tmp_path: Path, camera: str) -> None:
-    dataset = Dataset.open(varied())
+    dataset = Dataset(varied())
     out = dataset.export("article", tmp_path / "out", camera=camera).path
     for i, episode in enumerate(dataset):
         frames = episode.cameras[camera]
@@ -43,7 +43,7 @@ def check_label(found: np.ndarray, i: int, episode: Episode) -> None:
 
 @pytest.mark.parametrize("name", ["", "a/../b", "\U0001f600 mug", "x" * 300])
 def test_any_object_id_is_in_the_label_and_in_no_file_name(name: str) -> None:
-    episode = Dataset.open(varied())[0]
+    episode = Dataset(varied())[0]
     episode.columns["object_id"] = name  # type: ignore[index]
     found = label(7, episode)
     assert found["object_id"] == name
@@ -52,11 +52,11 @@ def test_any_object_id_is_in_the_label_and_in_no_file_name(name: str) -> None:
 
 def test_an_unknown_camera_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"unknown camera 'side' \(valid: front, wrist\)"):
-        Dataset.open(varied()).export("article", tmp_path / "out", camera="side")
+        Dataset(varied()).export("article", tmp_path / "out", camera="side")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_store_of_an_older_version_is_exported(tmp_path: Path) -> None:
-    dataset = Dataset.open(old_store(tmp_path))
+    dataset = Dataset(old_store(tmp_path))
     found = dataset.export("article", tmp_path / "out")
     assert found.episodes == len(dataset.committed) == 3

@@ -33,7 +33,7 @@ TIMES = ("before", "after")
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 @pytest.fixture(scope="module")
@@ -227,7 +227,7 @@ def seen_by(T: np.ndarray, visible: np.ndarray, visibility: float) -> dict[str, 
     """Return the entry of a cube of 20 cm for a camera of 40 x 30 pixels."""
     vertices = np.array(list(itertools.product((-0.1, 0.1), repeat=3)))
     mesh = TriangleMesh(vertices=vertices, faces=np.array(trimesh.creation.box().faces))
-    dataset = Dataset.open(varied())
+    dataset = Dataset(varied())
     recipe = dataset.spec(0).objects[0]
     numbers = {key_of(recipe): NumberedModel(number=1, first=0)}
     models = SceneModels(numbers=numbers, meshes={key_of(recipe): mesh})
@@ -272,7 +272,7 @@ def test_an_object_without_a_finite_pose_is_not_in_that_image(tmp_path: Path) ->
     config = small_config(clutter={"count": 2})
     prepare_store(tmp_path / "store.zarr", config, JOINTS, 4, {})
     ZarrWriter(tmp_path / "store.zarr").write_block(0, make_rows(config, 0, 4))
-    dataset = Dataset.open(tmp_path / "store.zarr")
+    dataset = Dataset(tmp_path / "store.zarr")
     out = dataset.export("bop", tmp_path / "out").path
     counts = []
     for episode, scene in scenes(dataset, out):
@@ -298,7 +298,7 @@ def test_an_object_of_another_scale_is_another_model(tmp_path: Path) -> None:
         recipe = replace(rows[0].spec.objects[0], scale=scale)
         scaled.append(replace(row, spec=replace(row.spec, objects=(recipe,))))
     ZarrWriter(tmp_path / "store.zarr").write_block(0, scaled)
-    out = Dataset.open(tmp_path / "store.zarr").export("bop", tmp_path / "out").path
+    out = Dataset(tmp_path / "store.zarr").export("bop", tmp_path / "out").path
     assert [row["scale"] for row in read_json(out / "objects.json")] == [1.0, 2.0]
     small, large = (mesh.extents for mesh in models(out).values())
     np.testing.assert_allclose(large, 2.0 * small, atol=1e-3)

@@ -38,7 +38,7 @@ def test_the_largest_valid_block_is_read_and_a_larger_one_is_not_begun(tmp_path:
         check_place(path, blocks_of(valid + 1))
     check_place(path, blocks_of(valid))
     prepare_store(path, blocks_of(valid), JOINTS, 100, {})
-    assert len(Dataset.open(path)) == 100
+    assert len(Dataset(path)) == 100
 
 
 def test_a_raised_limit_allows_larger_blocks_to_be_begun_and_read(
@@ -47,10 +47,10 @@ def test_a_raised_limit_allows_larger_blocks_to_be_begun_and_read(
     path = tmp_path / "s.zarr"
     prepare_store(path, LARGE, JOINTS, 100, {})
     with pytest.raises(LimitError, match=r"a block of episodes.* --limit block=SIZE"):
-        Dataset.open(path)
+        Dataset(path)
     monkeypatch.setenv(VARIABLE, "block=2GiB")
     check_place(tmp_path / "new.zarr", LARGE)
-    assert len(Dataset.open(path)) == 100
+    assert len(Dataset(path)) == 100
 
 
 def test_a_video_of_more_frames_than_readers_accept_is_not_begun(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_a_block_is_counted_as_a_whole_whatever_its_chunks_are(tmp_path: Path) -
         for kind, tail in (("rgb", [3]), ("depth", []), ("segmentation", [])):
             edit(path, f"cameras/{name}/{kind}", chunks=[1, 2, 1080, 1920, *tail])
     with pytest.raises(LimitError, match="a block of episodes"):
-        Dataset.open(path)
+        Dataset(path)
 
 
 @pytest.mark.parametrize(
@@ -114,16 +114,16 @@ def test_chunks_are_measured_before_they_are_read(
 ) -> None:
     edit(small, name, chunks=chunks)
     if not said:
-        assert len(Dataset.open(small)) == 16
+        assert len(Dataset(small)) == 16
         return
     with pytest.raises(LimitError, match=said):
-        Dataset.open(small)
+        Dataset(small)
 
 
 def test_a_text_that_missing_rows_have_is_refused(small: Path) -> None:
     edit(small, "episodes/policy", fill_value="x" * 1000)
     with pytest.raises(StoreError, match=r"policy has the fill value '.*', valid: an empty text"):
-        Dataset.open(small)
+        Dataset(small)
 
 
 def test_the_text_of_columns_is_counted_while_it_is_read(
@@ -150,7 +150,7 @@ def test_a_column_of_too_many_values_is_refused(
 def test_a_chunk_of_many_blocks_is_decoded_once(
     small: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    want = Dataset.open(small).column("seed")
+    want = Dataset(small).column("seed")
     edit(small, "episodes/seed", chunks=[16])
     (small / "episodes/seed/0").write_bytes(compress(want.tobytes(), 1))
     reads: list[int] = []

@@ -34,7 +34,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:Depreca
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 @pytest.fixture(scope="module")
@@ -221,7 +221,7 @@ def export_fake(folder: Path, change: Callable[[Episode], Episode]) -> Exported:
     rows = [row for row in make_rows(config, 0, 4) if isinstance(row, Episode)]
     rows = [change(row) for row in rows]
     ZarrWriter(folder / "store.zarr").write_block(0, rows)
-    return Dataset.open(folder / "store.zarr").export("coco", folder / "out")
+    return Dataset(folder / "store.zarr").export("coco", folder / "out")
 
 
 def test_an_episode_of_an_unknown_split_is_excluded(tmp_path: Path) -> None:
@@ -234,4 +234,4 @@ def test_an_episode_of_an_unknown_split_is_excluded(tmp_path: Path) -> None:
 
 
 def test_a_store_of_an_older_version_is_exported(tmp_path: Path) -> None:
-    assert Dataset.open(old_store(tmp_path)).export("coco", tmp_path / "out").episodes == 3
+    assert Dataset(old_store(tmp_path)).export("coco", tmp_path / "out").episodes == 3

@@ -24,7 +24,7 @@ from grasp_factory.writers.exporters.diffusion_policy import rotation_vectors
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 def exported(dataset: Dataset, out: Path, **settings: Any) -> zarr.Group:

@@ -105,7 +105,7 @@ def embedding(path: Path, sets: dict[str, bytes], **changes: Any) -> Dataset:
     carried = {f"objects/{name}": content for name, content in sets.items()}
     prepare_store(path, config, JOINTS, 4, {}, carried=carried)
     ZarrWriter(path).write_block(0, make_rows(config, 0, 4))
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 def test_what_any_of_the_stores_embeds_is_exported(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def test_the_crop_is_the_one_that_gqcnn_makes_of_the_whole_image(
 
 
 def test_a_simulated_store_is_read_back(tmp_path: Path) -> None:
-    dataset, out = Dataset.open(TINY), tmp_path / "out"
+    dataset, out = Dataset(TINY), tmp_path / "out"
     dataset.export("gqcnn", out, camera="front", episodes_per_shard=3)
     tensors = read_tensors(out)
     assert len(tensors["grasps"]) == len(dataset)
@@ -169,7 +169,7 @@ def test_failures_have_the_metric_0_and_episodes_without_a_grasp_are_left_out(
 
 
 def test_a_store_without_the_overhead_camera_and_wrong_sizes_are_refused(tmp_path: Path) -> None:
-    dataset = Dataset.open(TINY)
+    dataset = Dataset(TINY)
     with pytest.raises(UsageError, match="has no camera overhead, and the format needs a view"):
         dataset.export("gqcnn", tmp_path / "out")
     with pytest.raises(ConfigError, match="size: got 7, valid: 8 to 128 pixels"):

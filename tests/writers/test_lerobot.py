@@ -145,7 +145,7 @@ def export(tmp_path: Path) -> Export:
 
 @pytest.fixture(scope="module")
 def real() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 @pytest.fixture(scope="module")
@@ -311,7 +311,7 @@ def test_a_task_may_name_a_family_of_any_letters(export: Export, tmp_path: Path)
         for row, family in zip(rows, families, strict=True)
     ]
     ZarrWriter(tmp_path / "named.zarr").write_block(0, named)
-    folder = export(Dataset.open(tmp_path / "named.zarr"))
+    folder = export(Dataset(tmp_path / "named.zarr"))
     tasks = [row["tasks"][0] for row in folder.episodes]
     assert tasks[0] == f"Grasp the {families[0]} and lift it."
     assert tasks[1] == tasks[2] == "Grasp the a b and lift it."
@@ -389,7 +389,7 @@ def test_an_episode_whose_series_end_before_its_last_frame_is_left_out(tmp_path:
     prepare_store(path, config, JOINTS, 2, {})
     rows = [replace(episode, own_rate=short), make_episode(config, 1, n_steps=8)]
     ZarrWriter(path).write_block(0, rows)
-    found = Dataset.open(path).export("lerobot", tmp_path / "out")
+    found = Dataset(path).export("lerobot", tmp_path / "out")
     assert (found.episodes, list(found.excluded.values())) == (1, [1])
     assert "end before the last frame" in next(iter(found.excluded))
 

@@ -146,7 +146,7 @@ def test_the_brick_lies_under_the_centre_of_its_grasp_and_between_the_pads(
 
 @both
 def test_images_of_a_simulated_store_are_those_of_the_store(tmp_path: Path, name: str) -> None:
-    reader, dataset = READERS[name], Dataset.open(TINY)
+    reader, dataset = READERS[name], Dataset(TINY)
     dataset.export(name, tmp_path / "out", camera="front", max_tilt_deg=180)
     table = table_of(tmp_path / "out")
     assert [int(row["episode"]) for row in table] == list(range(len(dataset)))
@@ -289,7 +289,7 @@ def test_depth_is_compressed_so_that_readers_without_other_codecs_can_read_it(
 def test_a_store_without_the_overhead_camera_is_refused_with_what_to_do(
     tmp_path: Path, name: str
 ) -> None:
-    dataset = Dataset.open(TINY)
+    dataset = Dataset(TINY)
     with pytest.raises(UsageError) as caught:
         dataset.export(name, tmp_path / "out")
     assert str(caught.value) == (
@@ -303,7 +303,7 @@ def test_a_store_without_the_overhead_camera_is_refused_with_what_to_do(
 @pytest.mark.parametrize("wrong", [{"zoom": 0.5}, {"max_tilt_deg": 181}, {"zoom": math.nan}])
 def test_settings_out_of_range_are_refused(tmp_path: Path, wrong: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match=next(iter(wrong))):
-        Dataset.open(TINY).export("jacquard", tmp_path / "out", **wrong)
+        Dataset(TINY).export("jacquard", tmp_path / "out", **wrong)
 
 
 def test_an_episode_without_a_grasp_is_left_out_and_counted(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from grasp_factory.writers.zarr.writer import ZarrWriter
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_episodes_without_frames_are_left_out_and_counted(tmp_path: Path) -> Non
     prepare_store(tmp_path / "store.zarr", config, JOINTS, 3, {})
     rows = [make_episode(config, i, n_steps) for i, n_steps in enumerate((8, 0, 1))]
     ZarrWriter(tmp_path / "store.zarr").write_block(0, list(rows))
-    found = Dataset.open(tmp_path / "store.zarr").export("robomimic", tmp_path / "out")
+    found = Dataset(tmp_path / "store.zarr").export("robomimic", tmp_path / "out")
     assert (found.episodes, list(found.excluded.values())) == (1, [2])
     with h5py.File(tmp_path / "out/demo.hdf5") as file:
         assert list(file["data"]) == ["demo_0"]

@@ -51,7 +51,7 @@ def read_bag(path: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def fake(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     for k, columns in ((1, nowhere), (2, named)):
         episodes[k] = replace(episodes[k], columns=episodes[k].columns | columns)
     ZarrWriter(path).write_block(0, episodes)
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 def timed(episode: Episode) -> Episode:
@@ -136,7 +136,7 @@ def idle(tmp_path: Path) -> Dataset:
     path = tmp_path / "a%41 #b?c.zarr"
     prepare_store(path, config, JOINTS, 1, {})
     ZarrWriter(path).write_block(0, [make_episode(config, 0, n_steps=0)])
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 def test_without_an_attempt_there_are_images_label_and_columns(

@@ -31,7 +31,7 @@ FORMATS = {
 def exports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("exports")
     for what, (name, settings, _) in FORMATS.items():
-        Dataset.open(TINY).export(name, folder / what, [0], **settings)
+        Dataset(TINY).export(name, folder / what, [0], **settings)
     return folder
 
 

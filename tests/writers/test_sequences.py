@@ -28,7 +28,7 @@ POSE = ["px", "py", "pz", "qx", "qy", "qz", "qw"]
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 @pytest.fixture(scope="module")
@@ -187,7 +187,7 @@ def test_an_episode_without_an_attempt_has_two_frames_and_empty_tables(tmp_path:
     config = small_config(video_hz=5)
     prepare_store(tmp_path / "store.zarr", config, JOINTS, 1, {})
     ZarrWriter(tmp_path / "store.zarr").write_block(0, [make_episode(config, 0, n_steps=0)])
-    out = Dataset.open(tmp_path / "store.zarr").export("sequences", tmp_path / "out").path
+    out = Dataset(tmp_path / "store.zarr").export("sequences", tmp_path / "out").path
     folder = out / "sequences" / "000000_front"
     frames = json.loads((folder / "metadata.json").read_text())
     assert [frame["what"] for frame in frames] == ["before", "after"]

@@ -67,7 +67,7 @@ def crash_after(calls: int, function: Any) -> Any:
 
 def test_a_new_store_says_what_it_is_and_nothing_of_where_and_when(tmp_path: Path) -> None:
     prepare_store(tmp_path / "secret_place", CONFIG, JOINTS, 5, {"robot": {"joints": ["j1"]}})
-    attributes = Dataset.open(tmp_path / "secret_place").attributes
+    attributes = Dataset(tmp_path / "secret_place").attributes
     assert list(attributes) == [
         *("format", "format_version", "seed", "config", "config_sha256", "block_size"),
         *("renderer", "versions", "platform", "conventions", "license", "created_by", "robot"),
@@ -94,7 +94,7 @@ def test_the_same_input_gives_the_same_bytes_anywhere(tmp_path: Path) -> None:
 def test_an_empty_directory_becomes_a_store(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
-    assert len(Dataset.open(tmp_path / "out")) == 5
+    assert len(Dataset(tmp_path / "out")) == 5
 
 
 def test_an_empty_directory_stays_the_one_it_was(tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_a_link_leads_to_the_store_and_stays_a_link(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "real")
     prepare_store(tmp_path / "link", CONFIG, JOINTS, 5, {})
     assert (tmp_path / "link").is_symlink()
-    assert len(Dataset.open(tmp_path / "real")) == 5
+    assert len(Dataset(tmp_path / "real")) == 5
 
 
 def test_a_grown_store_is_the_store_made_at_once(tmp_path: Path, want: Path) -> None:
@@ -206,7 +206,7 @@ def test_a_store_keeps_the_versions_that_it_was_created_with(tmp_path: Path) -> 
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 5, {})
     zarr.open_group(tmp_path / "out", mode="r+").attrs["versions"] = {"numpy": "1.0"}
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 9, {"robot": "other"})
-    attributes = Dataset.open(tmp_path / "out").attributes
+    attributes = Dataset(tmp_path / "out").attributes
     assert attributes["versions"] == {"numpy": "1.0"}
     assert "robot" not in attributes
 
@@ -233,7 +233,7 @@ def test_a_growth_that_was_interrupted_is_taken_up_with_any_number(
     with monkeypatch.context() as patch, pytest.raises(Crash):
         patch.setattr(store, "set_rows", crash_after(done, store.set_rows))
         prepare_store(tmp_path / "out", CONFIG, JOINTS, 100, {})
-    assert len(Dataset.open(tmp_path / "out")) == 5
+    assert len(Dataset(tmp_path / "out")) == 5
     (tmp_path / "out/episodes/status/zarr.json.partial").touch()
     prepare_store(tmp_path / "out", CONFIG, JOINTS, n, {})
     assert_same_tree(tmp_path / "out", tmp_path / "want")
@@ -351,7 +351,7 @@ def test_an_attribute_that_is_lost_is_named(tmp_path: Path, key: str) -> None:
     del metadata["attributes"][key]
     file.write_text(json.dumps(metadata))
     with pytest.raises(StoreError) as caught:
-        Dataset.open(tmp_path / "out")
+        Dataset(tmp_path / "out")
     what = f"attribute {key} is missing or broken"
     assert str(caught.value) == f"{tmp_path / 'out'} is damaged: zarr.json: {what}"
 
@@ -360,7 +360,7 @@ def test_a_damaged_commit_marker_is_an_error_of_one_line(tmp_path: Path) -> None
     fill(tmp_path / "out", 5)
     out = tmp_path / "out"
     (out / "episodes/status/0").write_bytes(b"\0")
-    for read in (lambda: pending_blocks(out, 5), lambda: Dataset.open(out).committed):
+    for read in (lambda: pending_blocks(out, 5), lambda: Dataset(out).committed):
         with pytest.raises(StoreError) as caught:
             read()
         assert str(caught.value).startswith(
@@ -596,7 +596,7 @@ NOWHERE: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("what", NOWHERE)
-@pytest.mark.parametrize("use", [prepare, take, Dataset.open], ids=["prepare", "lock", "open"])
+@pytest.mark.parametrize("use", [prepare, take, Dataset], ids=["prepare", "lock", "open"])
 def test_a_path_that_leads_nowhere_is_refused_in_one_line(
     tmp_path: Path, what: str, use: Any
 ) -> None:
@@ -607,7 +607,7 @@ def test_a_path_that_leads_nowhere_is_refused_in_one_line(
     assert str(caught.value).endswith("; choose another path")
 
 
-@pytest.mark.parametrize("use", [prepare, take, Dataset.open], ids=["prepare", "lock", "open"])
+@pytest.mark.parametrize("use", [prepare, take, Dataset], ids=["prepare", "lock", "open"])
 def test_a_directory_that_may_not_be_entered_is_named(
     tmp_path: Path, use: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

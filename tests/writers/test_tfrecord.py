@@ -27,7 +27,7 @@ from grasp_factory.writers.exporters.tfrecord_file import example, record
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 def messages(data: bytes) -> Iterator[bytes]:

@@ -70,7 +70,7 @@ def test_the_ends_of_vgns_fingers_are_those_of_the_gripper(tmp_path: Path, yaw: 
 
 
 def test_a_simulated_store_is_read_back(tmp_path: Path) -> None:
-    dataset, out = Dataset.open(TINY), tmp_path / "out"
+    dataset, out = Dataset(TINY), tmp_path / "out"
     found = dataset.export("vgn", out)
     assert (found.episodes, found.excluded) == (len(dataset), {})
     raw, training = table_of(out / "raw"), table_of(out / "training")
@@ -179,7 +179,7 @@ def test_images_of_cameras_with_other_lenses_get_the_intrinsics_of_the_first(
     episode = seen_episode(cameras=config.cameras)
     prepare_store(tmp_path / "store.zarr", config, JOINTS, 1, {})
     ZarrWriter(tmp_path / "store.zarr").write_block(0, [episode])
-    dataset, out = Dataset.open(tmp_path / "store.zarr"), tmp_path / "out"
+    dataset, out = Dataset(tmp_path / "store.zarr"), tmp_path / "out"
     dataset.export("vgn", out, cameras=["overhead", "front"])
     images = scene(out / "raw", table_of(out / "raw")[0])["depth_imgs"]
     K = np.array(json.loads((out / "raw" / "setup.json").read_text())["intrinsic"]["K"])
@@ -208,7 +208,7 @@ def test_missing_depth_is_0_in_the_images(tmp_path: Path) -> None:
 
 
 def test_settings_that_are_not_valid_are_refused(tmp_path: Path) -> None:
-    dataset = Dataset.open(TINY)
+    dataset = Dataset(TINY)
     with pytest.raises(UnknownNameError, match="unknown camera 'wrst'"):
         dataset.export("vgn", tmp_path / "out", cameras=["wrst"])
     with pytest.raises(ConfigError, match=r"size: got 0.01, valid: 0.1 to 10.0 m"):

@@ -32,7 +32,7 @@ def samples(out: Path) -> dict[str, dict[str, bytes]]:
 
 
 def test_every_array_is_read_back(tmp_path: Path) -> None:
-    dataset = Dataset.open(varied())
+    dataset = Dataset(varied())
     out = dataset.export("webdataset", tmp_path / "out", episodes_per_shard=1).path
     assert len(list(out.glob("*.tar"))) == len(dataset.committed)
     found = samples(out)
@@ -61,4 +61,4 @@ def test_every_array_is_read_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [0, -1, 10**9])
 def test_a_shard_has_one_episode_or_more(tmp_path: Path, size: int) -> None:
     with pytest.raises(ConfigError, match=r"episodes_per_shard: got .*, valid: 1 to 1000000"):
-        Dataset.open(varied()).export("webdataset", tmp_path / "out", episodes_per_shard=size)
+        Dataset(varied()).export("webdataset", tmp_path / "out", episodes_per_shard=size)

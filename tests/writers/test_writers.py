@@ -106,7 +106,7 @@ def test_a_reason_that_is_no_valid_text_is_kept_readable(tmp_path: Path) -> None
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 1, {})
     rows = [Quarantined(make_spec(CONFIG, 0), "file \udcff is bad")]
     ZarrWriter(tmp_path / "out").write_block(0, rows)
-    assert Dataset.open(tmp_path / "out").column("error").tolist() == ["file ? is bad"]
+    assert Dataset(tmp_path / "out").column("error").tolist() == ["file ? is bad"]
 
 
 def changed(**more: Any) -> Episode:

@@ -28,7 +28,7 @@ from grasp_factory.writers.zarr.writer import ZarrWriter
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    return Dataset.open(varied())
+    return Dataset(varied())
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +158,7 @@ def made_of(path: Path, *ids: str, count: int = 1) -> Dataset:
         spec = replace(row.spec, objects=recipes)
         changed.append(replace(row, spec=spec, columns={**row.columns, **columns}))
     ZarrWriter(path).write_block(0, changed)
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 def test_a_scene_with_an_object_twice_is_excluded(tmp_path: Path) -> None:

@@ -54,14 +54,14 @@ def complete(path: Path, config: FactoryConfig, n: int, *, workers: int, make: M
             f"{len(summary.quarantined)} of {summary.asked} episodes of {path} are quarantined;"
             f" `grasp-factory info {path}` counts them"
         )
-    return Dataset.open(path)
+    return Dataset(path)
 
 
 def _check_platform(path: Path, config: FactoryConfig) -> None:
     """Check that an existing store was begun on a platform with the same fingerprint."""
     if not (path / "zarr.json").exists():
         return
-    known = fingerprint_of(Dataset.open(path).attributes)
+    known = fingerprint_of(Dataset(path).attributes)
     if found := difference(known, fingerprint(config)):
         what = f"{path} was begun on another platform: {found}"
         raise StoreMismatchError(

@@ -55,13 +55,13 @@ class OpenStores:
         """Return a store of the index, opened for reading.
 
         Raises:
-            StoreMismatchError, StoreError: as ``Dataset.open`` does.
+            StoreMismatchError, StoreError: as ``Dataset`` does.
         """
         path = self._paths[store]
         stamp = _stamp(path)
         with self._lock:
             if store not in self._open or self._open[store][0] != stamp:
-                dataset = Dataset.open(path)
+                dataset = Dataset(path)
                 opened = OpenStore(
                     place=place_of(path),
                     dataset=dataset,

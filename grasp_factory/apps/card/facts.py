@@ -111,7 +111,7 @@ def read_facts(dataset: Dataset) -> CardFacts:
     row = TableColumn(
         name="row",
         kind=Kind.INTEGER,
-        description="row of the store: Dataset.open(PATH)[row] is the episode",
+        description="row of the store: Dataset(PATH)[row] is the episode",
         values=made,
     )
     values = {column.name: column.values for column in own}

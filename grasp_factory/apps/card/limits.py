@@ -56,7 +56,7 @@ def _of_contacts(config: FactoryConfig) -> Iterator[str]:
 def _of_sensors(config: FactoryConfig) -> Iterator[str]:
     yield (
         "Depth, colours, forces, joints and IMU are stored clean, without noise, blur, holes or"
-        " delay. `Dataset.open(path, noise=...)` adds sensors' noise as it reads."
+        " delay. `Dataset(path, noise=...)` adds sensors' noise as it reads."
     )
     if config.renderer is Renderer.TINY:
         yield "Images come from a rasteriser without shadows or reflections."

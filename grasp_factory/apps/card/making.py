@@ -83,7 +83,7 @@ def write_card(
             files that no card has written.
         StoreError: if the store is damaged, or nothing can be written to the disk.
     """
-    dataset, store = Dataset.open(path), locate(path)
+    dataset, store = Dataset(path), locate(path)
     folder = store.with_name(store.name + SUFFIX) if out is None else out
     check_folder(folder, store)
     try:

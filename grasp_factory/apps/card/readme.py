@@ -187,8 +187,8 @@ def _loading(contents: Contents) -> Iterator[str]:
     ours = f"""\
 from grasp_factory import Dataset
 
-ds = Dataset.open({store})
-rows = ds.where(split="train", success=True)
+ds = Dataset({store})
+train = ds.where(split="train", success=True)  # a dataset of these episodes
 episode = ds[{first}]
 camera = episode.cameras["{camera}"]  # rgb, depth, segmentation: before and after
 touch = episode.streams["tactile_wrench"]  # (steps, 2 pads, 6)"""

@@ -164,7 +164,7 @@ def read_splits(
         reader = ExampleReader(dataset=source, uses=uses, crop=course.crop, touch=course.touch)
         planned = ExampleReader(dataset=source, uses=(WIDTH,))
         try:
-            rows = planned.usable(source.split(split))
+            rows = planned.usable(source.split(split).indices)
             if split == "train" and course.rows is not None:
                 rows = _chosen(rows, course.rows)
             if split == "train" and course.episodes is not None:

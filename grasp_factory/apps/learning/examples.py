@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.geometry import Array, pose_matrices
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.errors import UsageError, lookup
+from grasp_factory.dataset.sensor_reader import IMAGES
+from grasp_factory.errors import UnknownNameError, UsageError, lookup, shown
 from grasp_factory.policies.networks.inputs import (
     IMAGE,
     TOUCH,
@@ -88,7 +89,13 @@ class ExampleReader:
             UnknownNameError: for an unknown name, listing the valid ones.
             UsageError: if ``uses`` is empty.
         """
+        if isinstance(self.uses, str):
+            raise UsageError(f"uses: got {shown(self.uses)}, valid: a list, such as ['image']")
         for name in self.uses:
+            if name in IMAGES:
+                what = f"input {name!r}: it is an image of the whole scene"
+                whole = f"ds.images(rows, camera, {name!r}, frame), or ds[i].cameras"
+                raise UnknownNameError(f"{what}: {whole}; valid: {', '.join(INPUTS)}")
             lookup(dict.fromkeys(INPUTS), "input", name)
         if not self.uses:
             raise UsageError(f"uses: got no input, valid: some of {', '.join(INPUTS)}")

@@ -66,7 +66,7 @@ class BlockFacts:
         Raises:
             GraspFactoryError: if it cannot be opened.
         """
-        self._dataset, self._columns = Dataset.open(path), Columns.open(path)
+        self._dataset, self._columns = Dataset(path), Columns.open(path)
         names = set(self._columns.names)
         self._lengths = [group.count for group in series_groups() if group.count in names]
         self._measured = [name for name in MEASURED if name in names]

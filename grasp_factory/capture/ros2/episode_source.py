@@ -39,7 +39,7 @@ def play_episode(
         StoreError: if it is damaged.
         CaptureError: see ``TopicPlayer``.
     """
-    messages = EpisodeMessages(Dataset.open(store, checked=True), row, choice)
+    messages = EpisodeMessages(Dataset(store, checked=True), row, choice)
     player.announce(list(messages.topics.values()))
     player.wait_for_subscribers()
     on_start(messages.total)

@@ -49,7 +49,7 @@ class SourceStore:
             StoreError: if it is damaged.
         """
         self.path, self.place = Path(path), locate(Path(path))
-        self._dataset = Dataset.open(self.path)
+        self._dataset = Dataset(self.path)
         if not is_sealed(place_of(self.path) / "zarr.json"):
             what = f"{self.path} is damaged: zarr.json is not as it was written"
             raise StoreError(f"{what}; {mending(self.path)}")

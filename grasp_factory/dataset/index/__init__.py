@@ -5,6 +5,7 @@ from __future__ import annotations
 from grasp_factory.dataset.index.building import Built, build, default_path
 from grasp_factory.dataset.index.columns import COLUMNS, IndexColumn
 from grasp_factory.dataset.index.handle import Index
+from grasp_factory.dataset.index.meaning import check_found
 from grasp_factory.dataset.index.opening import fresh
 from grasp_factory.dataset.index.query import OPERATORS, SYNTAX, Condition, Query, Sort
 from grasp_factory.dataset.index.results import IndexedStore, Neighbours, NumberBins, Page, WordBars
@@ -25,6 +26,7 @@ __all__ = [
     "Sort",
     "WordBars",
     "build",
+    "check_found",
     "default_path",
     "fresh",
 ]

@@ -45,7 +45,7 @@ class EpisodeSource(Protocol):
         """The root attributes of the store: robot, conventions, versions."""
 
     @property
-    def fields(self) -> Mapping[str, Field]:
+    def features(self) -> Mapping[str, Field]:
         """The store's arrays by path: dimensions, type, unit, frame, words of coded values."""
 
     @property
@@ -112,7 +112,7 @@ class Selection:
     @property
     def fields(self) -> Mapping[str, Field]:
         """The arrays that all stores have, by path."""
-        first, *others = (source.fields for source in self.sources)
+        first, *others = (source.features for source in self.sources)
         return {path: row for path, row in first.items() if all(path in more for more in others)}
 
     def column(self, name: str) -> NDArray[Any]:

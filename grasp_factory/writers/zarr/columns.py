@@ -69,7 +69,7 @@ class Columns:
         except OSError as error:
             where = f"{self.path}: {schema.STATUS.path}"
             raise StoreError(f"{where} cannot be read: {error.strerror}") from None
-        there = np.zeros(-(-self.length // self.config.block_size), np.bool_)
+        there = np.zeros(self.block_count, np.bool_)
         decimal = (int(name) for name in names if name.isdecimal() and len(name) <= MOST_DIGITS)
         numbers = np.fromiter(decimal, np.int64)
         there[numbers[numbers < len(there)]] = True
@@ -92,6 +92,28 @@ class Columns:
                 values = text.count(self.read_rows(name, first, self.rows(blocks[-1])[1]))
                 for start, stop in map(self.rows, blocks):
                     out[name][start:stop] = values[start - first : stop - first]
+        return out
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks, present or not."""
+        return -(-self.length // self.config.block_size)
+
+    def gather(self, rows: NDArray[np.int64], *names: str) -> dict[str, NDArray[Any]]:
+        """Return some rows (K,) of columns by name, each (K, ...), from the blocks' own files.
+
+        Raises:
+            StoreError: if they are damaged.
+        """
+        text = self.text_budget()
+        shapes = {name: self._arrays[f"episodes/{name}"].zarr for name in names}
+        out = {n: np.empty((len(rows), *a.shape[1:]), a.dtype) for n, a in shapes.items()}
+        for places in by_block(rows, self.config.block_size):
+            wanted = rows[places]
+            first, stop = int(wanted.min()), int(wanted.max()) + 1
+            for name, values in out.items():
+                read = text.count(self.read_rows(name, first, stop))
+                values[places] = read[wanted - first]
         return out
 
     def filled(self, name: str) -> NDArray[Any]:

@@ -35,7 +35,7 @@ def measure(settings: Settings) -> Score:
         article.make(files, settings.episodes, settings)
         for index in range(settings.episodes):
             np.save(files / "rgb" / f"before_{index}.npy", _from_files(files, index, ".png")[0])
-        dataset = Dataset.open(store)
+        dataset = Dataset(store)
         with Stopwatch() as watch:
             details = {
                 **_random_access(

@@ -62,7 +62,7 @@ def heard(namespace: Namespace, tmp_path_factory: pytest.TempPathFactory) -> dic
 
 @pytest.fixture(scope="module")
 def episode() -> Any:
-    return Dataset.open(TINY)[1]
+    return Dataset(TINY)[1]
 
 
 def stamps(seconds: Any) -> Any:
