@@ -23,7 +23,7 @@ ROW = 1
 
 @pytest.fixture(scope="module")
 def played() -> Episode:
-    return noisy(Dataset.open(TINY)[ROW], "stereo")
+    return noisy(Dataset(TINY)[ROW], "stereo")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     store = session.parent / "real.zarr"
     command("capture", "demo", TINY, "--row", ROW, "--out", session)
     command("capture", "import", session, "--out", store)
-    return Dataset.open(store)[0]
+    return Dataset(store)[0]
 
 
 def command(*words: object) -> None:
