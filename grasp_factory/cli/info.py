@@ -25,6 +25,7 @@ def info(path: Path, as_json: bool) -> None:
     Counts the episodes of the store at PATH by policy, outcome, object and split, and prints its
     arrays, software versions and config.
     """
+    from grasp_factory.cli.plugin_report import plugins_text
     from grasp_factory.cli.store_report import GROUPS, arrays_text, origin_text, store_text
     from grasp_factory.dataset.dataset import Dataset
     from grasp_factory.dataset.summary import array_facts, summarise
@@ -38,3 +39,5 @@ def info(path: Path, as_json: bool) -> None:
     say(store_text(store, GROUPS))
     say("\n" + arrays_text(arrays))
     say("\n" + origin_text(dataset.attributes))
+    if code := plugins_text(path, dataset.config):
+        say("\n" + code)
