@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -46,7 +46,7 @@ def with_plugins(config: FactoryConfig) -> FactoryConfig:
     origins = {kind: dict(rows) for kind, rows in config.plugins.items()}
 
     def named(kind: str, name: str) -> str:
-        found = None if name in config.plugins.get(kind, ()) else _found(kind, name)
+        found = None if name in config.plugins.get(kind, ()) else find_plugin(kind, name)
         if found is None:
             return name
         row, origin = found
@@ -79,12 +79,13 @@ def activate(config: FactoryConfig) -> None:
     Raises:
         PluginError: if one is missing, has changed, or cannot be loaded.
     """
+    check_given(config)
     for kind, name, origin in listed(config.plugins):
         if _ACTIVE.get((kind, name)) != origin:
             if origin.module:
                 row = _installed_row(kind, name, origin)
             else:
-                row = _row_of_file(kind, _source(kind, name, origin), origin)
+                row = _row_of_file(kind, allowed_source(origin.sha256), origin)
             if row.name != name:
                 raise PluginError(f"{origin} is named {row.name!r}, and the config names {name!r}")
             _add(kind, row, origin)
@@ -94,11 +95,15 @@ def check_given(config: FactoryConfig) -> None:
     """Check that the source files of a config's plugins may be run; nothing is run.
 
     Raises:
-        PluginError: naming the first one that was not given, or is another one.
+        PluginError: naming those that were not given, or are others.
     """
-    for kind, name, origin in listed(config.plugins):
-        if origin.file:
-            _source(kind, name, origin)
+    missing = [
+        (kind, name, origin)
+        for kind, name, origin in listed(config.plugins)
+        if origin.file and allowed_source(origin.sha256) is None
+    ]
+    if missing:
+        raise _not_given(missing)
 
 
 def trust(store: Path, config: FactoryConfig) -> list[PluginSource]:
@@ -137,8 +142,14 @@ def carried_source(store: Path, origin: PluginOrigin) -> PluginSource:
     return PluginSource(name=origin.file, content=content)
 
 
-def _found(kind: str, name: str) -> tuple[PluginRow, PluginOrigin] | None:
-    """Return the row and the origin of a plugin that a config names; None for other names."""
+def find_plugin(kind: str, name: str) -> tuple[PluginRow, PluginOrigin] | None:
+    """Return the row and the origin of a plugin that a name stands for; None for other names.
+
+    The row is in the table then.
+
+    Raises:
+        PluginError: if it cannot be loaded, or is not of the kind.
+    """
     reference = file_reference(name)
     if reference is not None:
         return _from_file(kind, reference)
@@ -169,27 +180,30 @@ def _from_file(kind: str, reference: FileReference) -> tuple[PluginRow, PluginOr
     return row, origin
 
 
-def _row_of_file(kind: str, source: PluginSource, origin: PluginOrigin) -> PluginRow:
+def _row_of_file(kind: str, source: PluginSource | None, origin: PluginOrigin) -> PluginRow:
     """Return the row of a file; the function ``plan`` of ``my_file.py`` is ``my_file_plan``."""
+    assert source is not None
     name = re.sub(r"\W", "_", f"{PurePath(origin.file).stem}_{origin.attribute}")
     return row_of(kind, attribute_of(source, origin.attribute), origin, name)
 
 
-def _source(kind: str, name: str, origin: PluginOrigin) -> PluginSource:
-    """Return the source of a plugin that this process may run."""
-    source = allowed_source(origin.sha256)
-    if source is not None:
-        return source
-    others = [other for other in allowed() if other.name == origin.file]
-    if others:
-        raise PluginError(
-            f"{origin.file} has changed: {KINDS[kind]} {name} was made with the SHA-256"
-            f" {origin.sha256[:12]}..., and this file has {others[0].sha256[:12]}...; give the old"
-            " file, or leave --plugin out and add --trust to run the copy in the store"
-        )
-    raise PluginError(
-        f"{KINDS[kind]} {name} is code of {origin.file}, which was not given: add --plugin"
-        f" {origin.file}, or --trust to run the copy in the store"
+def _not_given(missing: Sequence[tuple[str, str, PluginOrigin]]) -> PluginError:
+    """Return the error for source files that this process may not run."""
+    here = {source.name: source for source in allowed()}
+    for kind, name, origin in missing:
+        if origin.file in here:
+            return PluginError(
+                f"{origin.file} has changed: {KINDS[kind]} {name} was made with the SHA-256"
+                f" {origin.sha256[:12]}..., and this file has {here[origin.file].sha256[:12]}...;"
+                " give the old file, or leave --plugin out and add --trust to run the copy in the"
+                " store"
+            )
+    rows = ", ".join(f"{KINDS[kind]} {name}" for kind, name, _ in missing)
+    files = dict.fromkeys(origin.file for _, _, origin in missing)
+    options = " ".join(f"--plugin {file}" for file in files)
+    return PluginError(
+        f"{rows}: this is code of {', '.join(files)}, which was not given: add {options}, or"
+        " --trust to run the copy in the store"
     )
 
 

@@ -31,6 +31,11 @@ class InstalledPlugin:
         return self.entry_point.name
 
     @property
+    def description(self) -> str:
+        """One line that says where it comes from; nothing is imported for it."""
+        return f"of the installed package {self.distribution} {self.version}"
+
+    @property
     def module(self) -> str:
         """Dotted name of its module."""
         return self.entry_point.module
