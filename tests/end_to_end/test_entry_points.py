@@ -17,7 +17,7 @@ from grasp_factory.dataset.dataset import Dataset
 
 pytestmark = pytest.mark.slow
 
-EXPORTER = '''\
+EXPORTER = """\
 from grasp_factory.writers.exporters import ExportContents, Exporter
 
 
@@ -37,7 +37,7 @@ OUTCOMES = Exporter(
     write_part=write_part,
     finish=finish,
 )
-'''
+"""
 ENTRY_POINTS = """\
 [grasp_factory.policies]
 central = my_grasps.policy:plan

@@ -21,18 +21,18 @@ RESOLUTION = (320, 240)
 BRICK = (0.10, 0.04, 0.05)
 """Length along its own x, breadth and height, metres."""
 
-Boxes = list[tuple[Array, tuple[float, float, float], int]]
+PlacedBoxes = list[tuple[Array, tuple[float, float, float], int]]
 """Pose in the world frame (4, 4), sides in metres and label of each box."""
 
 
-def brick(x: float, y: float, yaw: float, size: tuple[float, float, float] = BRICK) -> Boxes:
+def brick(x: float, y: float, yaw: float, size: tuple[float, float, float] = BRICK) -> PlacedBoxes:
     """Return one target box standing on the table."""
     T_world_box = transform(rotation_about((0.0, 0.0, 1.0), yaw), (x, y, size[2] / 2.0))
     return [(T_world_box, size, Label.TARGET)]
 
 
 def make_view(
-    boxes: Boxes,
+    boxes: PlacedBoxes,
     gripper: Gripper,
     cameras: Mapping[str, CameraConfig] = MappingProxyType({"front": FRONT}),
     resolution: tuple[int, int] = RESOLUTION,
@@ -48,7 +48,9 @@ def make_view(
     )
 
 
-def photograph(camera: CameraConfig, boxes: Boxes, resolution: tuple[int, int]) -> CameraImage:
+def photograph(
+    camera: CameraConfig, boxes: PlacedBoxes, resolution: tuple[int, int]
+) -> CameraImage:
     """Return what a pinhole sees of boxes on the table: every pixel's ray, met with each."""
     width, height = resolution
     K = Intrinsics.from_fov(width, height, math.radians(camera.fov_y_deg)).matrix()
