@@ -243,3 +243,42 @@ def test_the_name_of_a_row_of_this_package_is_refused(tmp_path: Path) -> None:
     (tmp_path / "my_robot.py").write_text(text)
     line = line_of(make(tmp_path, "a.zarr", "--robot", "my_robot.py:ROBOT"), 2)
     assert "my_robot.py:ROBOT has the name 'panda', which is one of this package" in line
+
+
+def evil_store(made: Path, folder: Path) -> Path:
+    """Return a store that carries code which writes a file as it is run."""
+    text = f"open({str(folder / 'owned')!r}, 'w')\n{FILES['my_policy.py']}"
+    shutil.copytree(made, folder, dirs_exist_ok=True)
+    (folder / "my_policy.py").write_text(text)
+    done = make(folder, "evil.zarr", "--policy", "my_policy.py:plan")
+    assert done.returncode == 0, done.stderr
+    (folder / "owned").unlink()
+    return folder
+
+
+NEVER = (
+    "info evil.zarr", "verify evil.zarr", "query evil.zarr --csv", "card evil.zarr --out card",
+    "split evil.zarr part.zarr --episodes 0", "merge merged.zarr evil.zarr", "tags evil.zarr",
+    "export evil.zarr coco --to coco", "sheet evil.zarr sheet.png", "index evil.zarr",
+)  # fmt: skip
+"""What reads a store, and runs none of its code."""
+REFUSED = (
+    "replay evil.zarr 0", "repair evil.zarr", "verify evil.zarr --deep 1",
+    "replay evil.zarr 0 --video video.mp4",
+)  # fmt: skip
+"""What needs the code, and ends without it."""
+
+
+def test_code_of_a_store_is_run_by_no_command_without_trust(made: Path, tmp_path: Path) -> None:
+    folder = evil_store(made, tmp_path / "evil")
+    (folder / "my_policy.py").unlink()
+    for line in NEVER:
+        done = command(folder, *line.split())
+        assert done.returncode == 0, done.stderr
+        assert not (folder / "owned").exists(), line
+    (folder / "evil.zarr/streams/phase/1.0").unlink()
+    for line in REFUSED:
+        assert "my_policy.py, which was not given" in line_of(command(folder, *line.split()), 2)
+        assert not (folder / "owned").exists(), line
+    command(folder, "replay", "evil.zarr", 0, "--trust")
+    assert (folder / "owned").exists()
