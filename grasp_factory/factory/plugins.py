@@ -27,6 +27,7 @@ from grasp_factory.core.plugins.plugin_sources import (
 from grasp_factory.core.serialization import check
 from grasp_factory.errors import PluginError, StoreError, shown
 from grasp_factory.factory.plugin_rows import TABLES, PluginRow, row_of
+from grasp_factory.robots import RobotModel
 from grasp_factory.writers.zarr.embedded import PLUGINS, read_embedded
 
 _ACTIVE: dict[tuple[str, str], PluginOrigin] = {}
@@ -184,7 +185,13 @@ def _row_of_file(kind: str, source: PluginSource | None, origin: PluginOrigin) -
     """Return the row of a file; the function ``plan`` of ``my_file.py`` is ``my_file_plan``."""
     assert source is not None
     name = re.sub(r"\W", "_", f"{PurePath(origin.file).stem}_{origin.attribute}")
-    return row_of(kind, attribute_of(source, origin.attribute), origin, name)
+    row = row_of(kind, attribute_of(source, origin.attribute), origin, name)
+    if isinstance(row, RobotModel) and (PurePath(row.urdf).is_absolute() or ".." in row.urdf):
+        raise PluginError(
+            f"{origin}: urdf {shown(row.urdf)}, valid: one of this package or of"
+            " pybullet_data; a URDF of your own belongs in an installed package"
+        )
+    return row
 
 
 def _not_given(missing: Sequence[tuple[str, str, PluginOrigin]]) -> PluginError:

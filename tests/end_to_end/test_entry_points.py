@@ -14,6 +14,7 @@ from support.places import REPOSITORY
 from support.plugin_files import OBJECTS, POLICY, ROBOT
 
 from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.robots.kuka_iiwa import KUKA_IIWA
 
 pytestmark = pytest.mark.slow
 
@@ -54,7 +55,10 @@ outcomes = my_grasps.exporter:OUTCOMES
 FILES = {
     "__init__.py": "",
     "policy.py": POLICY,
-    "robot.py": ROBOT,
+    "robot.py": ROBOT.replace(
+        "import dataclasses", "import dataclasses\nfrom pathlib import Path"
+    ).replace("    home=", '    urdf=str(Path(__file__).with_name("mine.urdf")),\n    home='),
+    "mine.urdf": KUKA_IIWA.path().read_text(encoding="utf-8"),
     "bricks.py": OBJECTS,
     "exporter.py": EXPORTER,
 }

@@ -7,12 +7,13 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from support.helpers import assert_same_tree
 from support.places import REPOSITORY
-from support.plugin_files import FILES, OPTIONS, write_plugins
+from support.plugin_files import FILES, OPTIONS, forget_plugins, write_plugins
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.dataset.dataset import Dataset
@@ -38,8 +39,13 @@ def command(folder: Path, *words: object, **variables: str) -> subprocess.Comple
     )
 
 
+def making(out: str, n: int = 2) -> tuple[object, ...]:
+    """Return the words of a command that makes a small store."""
+    return ("generate", "--n", n, "--quiet", "--out", out, *SMALL)
+
+
 def make(folder: Path, out: str, *words: object, n: int = 2) -> subprocess.CompletedProcess[str]:
-    return command(folder, "generate", "--n", n, "--quiet", "--out", out, *SMALL, *words)
+    return command(folder, *making(out, n), *words)
 
 
 def line_of(done: subprocess.CompletedProcess[str], code: int) -> str:
@@ -49,6 +55,28 @@ def line_of(done: subprocess.CompletedProcess[str], code: int) -> str:
     assert len(lines) == 1, done.stderr
     assert "Traceback" not in done.stderr
     return lines[0]
+
+
+Here = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def command_here(run: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch) -> Here:
+    """Return what runs the command in a folder and in this process, which forgets all plugins."""
+
+    def command_here(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(folder)
+        forget_plugins()
+        return subprocess.CompletedProcess([], *run(*words))
+
+    return command_here
+
+
+@pytest.fixture(autouse=True)
+def forgotten() -> Iterator[None]:
+    """Forget the plugins of each test."""
+    yield
+    forget_plugins()
 
 
 @pytest.fixture(scope="module")
@@ -133,41 +161,45 @@ class TestReplay:
         assert json.loads(done.stdout)["same"], done.stderr
         assert "running my_policy.py of a.zarr (SHA-256 " in done.stderr
 
-    def test_without_either_it_names_what_to_add(self, made: Path) -> None:
-        line = line_of(command(made, "replay", "a.zarr", 1), 2)
+    def test_without_either_it_names_what_to_add(self, made: Path, command_here: Here) -> None:
+        line = line_of(command_here(made, "replay", "a.zarr", 1), 2)
         assert "policy my_policy_plan" in line
         assert line.endswith(
             "add --plugin my_policy.py --plugin my_robot.py --plugin my_set.py, or --trust to run"
             " the copy in the store"
         )
 
-    def test_with_a_file_that_has_changed(self, here: Path) -> None:
+    def test_with_a_file_that_has_changed(self, here: Path, command_here: Here) -> None:
         with (here / "my_policy.py").open("a") as file:
             file.write("# another\n")
-        line = line_of(command(here, "replay", "a.zarr", 1, *GIVEN), 2)
+        line = line_of(command_here(here, "replay", "a.zarr", 1, *GIVEN), 2)
         assert "my_policy.py has changed: policy my_policy_plan was made with the SHA-256" in line
 
 
-def test_verify_simulates_again_only_with_the_files(elsewhere: Path) -> None:
-    assert command(elsewhere, "verify", "a.zarr").returncode == 0
-    line_of(command(elsewhere, "verify", "a.zarr", "--deep", 1), 2)
-    done = command(elsewhere, "verify", "a.zarr", "--deep", 1, "--trust")
+def test_verify_simulates_again_only_with_the_files(elsewhere: Path, command_here: Here) -> None:
+    assert command_here(elsewhere, "verify", "a.zarr").returncode == 0
+    line_of(command_here(elsewhere, "verify", "a.zarr", "--deep", 1), 2)
+    done = command_here(elsewhere, "verify", "a.zarr", "--deep", 1, "--trust")
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_a_damaged_episode_is_repaired_with_trust(elsewhere: Path, made: Path) -> None:
+def test_a_damaged_episode_is_repaired_with_trust(
+    elsewhere: Path, made: Path, command_here: Here
+) -> None:
     (elsewhere / "a.zarr/streams/phase/1.0").unlink()
-    line_of(command(elsewhere, "repair", "a.zarr"), 2)
-    done = command(elsewhere, "repair", "a.zarr", "--trust")
+    line_of(command_here(elsewhere, "repair", "a.zarr"), 2)
+    done = command_here(elsewhere, "repair", "a.zarr", "--trust")
     assert "1 episode simulated again with the same bytes" in done.stdout, done.stderr
     assert_same_tree(elsewhere / "a.zarr", made / "a.zarr")
 
 
-def test_merging_and_exporting_carry_the_source_and_run_nothing(elsewhere: Path) -> None:
-    assert command(elsewhere, "split", "a.zarr", "b.zarr", "--episodes", "0").returncode == 0
-    done = command(elsewhere, "export", "b.zarr", "out", "--to", "sequences")
+def test_merging_and_exporting_carry_the_source_and_run_nothing(
+    elsewhere: Path, command_here: Here
+) -> None:
+    assert command_here(elsewhere, "split", "a.zarr", "b.zarr", "--episodes", "0").returncode == 0
+    done = command_here(elsewhere, "export", "b.zarr", "out", "--to", "sequences")
     assert done.returncode == 0, done.stderr
-    done = command(elsewhere, "import", "out", "c.zarr")
+    done = command_here(elsewhere, "import", "out", "c.zarr")
     assert done.returncode == 0, done.stderr
     for name in ("b.zarr", "c.zarr"):
         origin = Dataset.open(elsewhere / name).config.plugins["policies"]["my_policy_plan"]
@@ -186,10 +218,10 @@ def test_info_shows_the_source_with_escapes(tmp_path: Path) -> None:
     assert "\x1b" not in said
 
 
-def test_a_run_with_a_changed_file_is_another_dataset(here: Path) -> None:
+def test_a_run_with_a_changed_file_is_another_dataset(here: Path, command_here: Here) -> None:
     with (here / "my_policy.py").open("a") as file:
         file.write("# another\n")
-    line = line_of(make(here, "a.zarr", *MINE), 2)
+    line = line_of(command_here(here, *making("a.zarr"), *MINE), 2)
     assert "my_policy.py has changed since a.zarr was begun; choose another --out" in line
 
 
@@ -209,11 +241,13 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("what", BROKEN)
-def test_a_file_that_cannot_be_used_is_one_line(what: str, tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_used_is_one_line(
+    what: str, tmp_path: Path, command_here: Here
+) -> None:
     text, said = BROKEN[what]
     if text is not None:
         (tmp_path / "my_policy.py").write_text(text)
-    done = make(tmp_path, "a.zarr", "--policy", "my_policy.py:plan")
+    done = command_here(tmp_path, *making("a.zarr"), "--policy", "my_policy.py:plan")
     code = 1 if what == "too large" else 2
     assert said in line_of(done, code)
     assert not (tmp_path / "a.zarr").exists()
@@ -238,16 +272,16 @@ def test_what_a_file_prints_is_on_stderr(tmp_path: Path) -> None:
     assert "planning" in done.stderr
 
 
-def test_the_name_of_a_row_of_this_package_is_refused(tmp_path: Path) -> None:
+def test_the_name_of_a_row_of_this_package_is_refused(tmp_path: Path, command_here: Here) -> None:
     text = FILES["my_robot.py"].replace('"turned"', '"panda"')
     (tmp_path / "my_robot.py").write_text(text)
-    line = line_of(make(tmp_path, "a.zarr", "--robot", "my_robot.py:ROBOT"), 2)
+    line = line_of(command_here(tmp_path, *making("a.zarr"), "--robot", "my_robot.py:ROBOT"), 2)
     assert "my_robot.py:ROBOT has the name 'panda', which is one of this package" in line
 
 
 def evil_store(made: Path, folder: Path) -> Path:
     """Return a store that carries code which writes a file as it is run."""
-    text = f"open({str(folder / 'owned')!r}, 'w')\n{FILES['my_policy.py']}"
+    text = f"open({str(folder / 'owned')!r}, 'w').close()\n{FILES['my_policy.py']}"
     shutil.copytree(made, folder, dirs_exist_ok=True)
     (folder / "my_policy.py").write_text(text)
     done = make(folder, "evil.zarr", "--policy", "my_policy.py:plan")
@@ -269,16 +303,20 @@ REFUSED = (
 """What needs the code, and ends without it."""
 
 
-def test_code_of_a_store_is_run_by_no_command_without_trust(made: Path, tmp_path: Path) -> None:
+def test_code_of_a_store_is_run_by_no_command_without_trust(
+    made: Path, tmp_path: Path, command_here: Here
+) -> None:
     folder = evil_store(made, tmp_path / "evil")
     (folder / "my_policy.py").unlink()
     for line in NEVER:
-        done = command(folder, *line.split())
+        done = command_here(folder, *line.split())
         assert done.returncode == 0, done.stderr
         assert not (folder / "owned").exists(), line
     (folder / "evil.zarr/streams/phase/1.0").unlink()
     for line in REFUSED:
-        assert "my_policy.py, which was not given" in line_of(command(folder, *line.split()), 2)
+        assert "my_policy.py, which was not given" in line_of(
+            command_here(folder, *line.split()), 2
+        )
         assert not (folder / "owned").exists(), line
-    command(folder, "replay", "evil.zarr", 0, "--trust")
+    command_here(folder, "replay", "evil.zarr", 0, "--trust")
     assert (folder / "owned").exists()

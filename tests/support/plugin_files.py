@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from grasp_factory.core.plugins import plugin_sources
+from grasp_factory.factory import plugins
+from grasp_factory.factory.plugin_rows import TABLES
+
 POLICY = '''\
 """Straight down on the middle of what is seen of the target."""
 
@@ -84,3 +88,11 @@ def write_plugins(folder: Path) -> Path:
     for name, text in FILES.items():
         (folder / name).write_text(text, encoding="utf-8")
     return folder
+
+
+def forget_plugins() -> None:
+    """Forget the plugins of this process."""
+    for kind, name in plugins._ACTIVE:
+        del TABLES[kind][name]
+    plugins._ACTIVE.clear()
+    plugin_sources._ALLOWED.clear()

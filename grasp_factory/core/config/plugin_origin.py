@@ -25,7 +25,7 @@ class PluginOrigin:
     """
 
     sha256: str
-    """SHA-256 of the file, or of the package's Python files (``entry_points.source_digest``)."""
+    """SHA-256 of the file, or of the package's files (``entry_points.source_digest``)."""
     attribute: str
     """Name of the object in the file or in the module."""
     file: str = ""

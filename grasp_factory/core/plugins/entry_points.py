@@ -17,6 +17,8 @@ from grasp_factory.errors import PluginError
 
 GROUP = "grasp_factory.{kind}"
 """Name of the group of entry points of a kind."""
+COVERED = (".py", ".urdf", ".obj", ".stl", ".dae", ".ply", ".mtl")
+"""Endings of the files of a package that decide what its rows do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +96,8 @@ def installed(kind: str) -> Mapping[str, InstalledPlugin]:
 def source_digest(module: str) -> str:
     """Return the SHA-256 of the source of an installed module, which is not imported.
 
-    It covers names and content of all Python files of the top-level package, or of the module's
-    file if it is in none.
+    It covers names and content of the Python files, URDFs and meshes of the top-level package, or
+    the module's file if it is in none.
 
     Raises:
         PluginError: if the source is not found.
@@ -118,7 +120,8 @@ def _files(spec: ModuleSpec, module: str) -> Iterator[tuple[str, Path]]:
     folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
     if spec.origin is not None and folders:
         folder = Path(spec.origin).parent
-        for file in folder.rglob("*.py"):
+        found = (file for file in folder.rglob("*") if file.suffix.lower() in COVERED)
+        for file in filter(Path.is_file, found):
             yield file.relative_to(folder).as_posix(), file
     elif spec.origin is not None:
         yield Path(spec.origin).name, Path(spec.origin)
