@@ -15,7 +15,7 @@ from grasp_factory.core.config.capture import CaptureConfig
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PhysicsConfig
-from grasp_factory.core.config.plugin_origin import PluginOrigin, check_plugins
+from grasp_factory.core.config.plugin_origin import PluginOrigin, check_plugins, plain_plugins
 from grasp_factory.core.config.quality import QualityConfig
 from grasp_factory.core.config.randomization import RandomizeConfig
 from grasp_factory.core.config.recording import check_divides, check_name, check_recording
@@ -250,6 +250,7 @@ class FactoryConfig:
         plain = dict(to_plain(self))
         if self.capture is None:
             del plain["capture"]
+        plain["plugins"] = plain_plugins(self.plugins)
         if not self.plugins:
             del plain["plugins"]
         return plain

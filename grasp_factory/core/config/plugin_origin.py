@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from grasp_factory.core.cache import is_digest
 from grasp_factory.core.config.recording import check_name
-from grasp_factory.core.serialization import check, normalise
+from grasp_factory.core.serialization import check, normalise, to_plain
 
 KINDS: Mapping[str, str] = {"policies": "policy", "robots": "robot", "object_sets": "object set"}
 """Tables that plugins of a config add rows to, and what one row is called in messages."""
@@ -82,6 +83,17 @@ def listed(plugins: Plugins) -> Iterator[tuple[str, str, PluginOrigin]]:
     for kind, rows in plugins.items():
         for name, origin in rows.items():
             yield kind, name, origin
+
+
+def plain_plugins(plugins: Plugins) -> dict[str, Any]:
+    """Return the plugins as plain data, without empty texts."""
+    return {
+        kind: {
+            name: {key: value for key, value in to_plain(origin).items() if value}
+            for name, origin in rows.items()
+        }
+        for kind, rows in plugins.items()
+    }
 
 
 def changed_file(plain: Mapping[str, object], plugins: Plugins) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import multiprocessing
 import os
 import pickle
@@ -36,6 +37,8 @@ def serve(
     signal.signal(signal.SIGTERM, _leave)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked while it started
     os.dup2(2, 1)  # PyBullet prints warnings on stdout, which belongs to the command's result
+    if isinstance(sys.stdout, io.TextIOWrapper):  # what users' code prints is seen at once
+        sys.stdout.reconfigure(line_buffering=True)
     threading.Thread(target=_die_with_parent, daemon=True).start()
 
     def report(message: Any) -> None:
