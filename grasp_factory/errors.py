@@ -5,6 +5,7 @@ GraspFactoryError
 │   ├── ConfigError             also ValueError: a config key or value
 │   ├── UnknownNameError        also KeyError: a name that is not in its table
 │   ├── MissingLibraryError     a library that is not installed
+│   ├── PluginError             code of the user that is missing, has changed or does not load
 │   └── StoreMismatchError      the path holds another store, or no store
 ├── StoreError                  a store that cannot be read or written (exit code 1)
 │   ├── StoreBusyError          another process holds the store
@@ -69,6 +70,10 @@ class UnknownNameError(UsageError, KeyError):
 
 class MissingLibraryError(UsageError):
     """A library that is not installed, or was built wrong; the message says what to do."""
+
+
+class PluginError(UsageError):
+    """Code of the user, or of an installed package, is missing, has changed or cannot be used."""
 
 
 class StoreMismatchError(UsageError):

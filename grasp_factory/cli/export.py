@@ -77,10 +77,10 @@ def export(
     choose, or all episodes, to the folder OUT. OUT must not exist; it appears when it is complete.
     Beside the data, grasp_factory.json says which rows it has and what is left out.
     """
-    from grasp_factory.writers.exporters import EXPORTERS, NOT_OFFERED, exporter_named
+    from grasp_factory.writers.exporters import NOT_OFFERED, all_exporters, exporter_named
 
     if as_list:
-        _print_formats(EXPORTERS.values(), NOT_OFFERED, as_json=as_json)
+        _print_formats(all_exporters(), NOT_OFFERED, as_json=as_json)
         return
     if len(paths) < 2 or name is None:
         raise UsageError(

@@ -29,6 +29,7 @@ def info(path: Path, full: bool, as_json: bool) -> None:
 
     Counts the episodes of the store at PATH by outcome, policy, object and split.
     """
+    from grasp_factory.cli.plugin_report import plugins_text
     from grasp_factory.cli.store_report import (
         GROUPS,
         arrays_text,
@@ -51,3 +52,5 @@ def info(path: Path, full: bool, as_json: bool) -> None:
     say(store_text(store, GROUPS))
     say("\n" + arrays_text(arrays))
     say("\n" + origin_text(dataset.attributes))
+    if code := plugins_text(path, dataset.config):
+        say("\n" + code)

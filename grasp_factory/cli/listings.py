@@ -53,7 +53,7 @@ def objects(ctx: click.Context, folder: Path | None, robot: str, as_json: bool) 
     from grasp_factory.objects import OBJECT_SETS
 
     if folder is None:
-        _print_table(OBJECT_SETS, as_json=as_json)
+        _print_table(_with_installed("object_sets", OBJECT_SETS), as_json=as_json)
         return
     from grasp_factory.cli.object_import import import_for
     from grasp_factory.objects.importing import import_report_text
@@ -81,13 +81,13 @@ def listing(name: str, help: str, find: Callable[[], Mapping[str, TableRow]]) ->
 def _robots() -> Mapping[str, TableRow]:
     from grasp_factory.robots import ROBOTS
 
-    return ROBOTS
+    return _with_installed("robots", ROBOTS)
 
 
 def _policies() -> Mapping[str, TableRow]:
     from grasp_factory.policies import POLICIES
 
-    return POLICIES
+    return _with_installed("policies", POLICIES)
 
 
 def _cameras() -> Mapping[str, TableRow]:
@@ -123,6 +123,14 @@ sensors = listing(
     "List the sensors.\n\nAll of them record during an attempt.",
     _sensors,
 )
+
+
+def _with_installed(kind: str, table: Mapping[str, TableRow]) -> Mapping[str, TableRow]:
+    """Return a table with the rows that installed packages offer."""
+    from grasp_factory.core.plugins.entry_points import installed
+
+    own = {name: plugin for name, plugin in installed(kind).items() if name not in table}
+    return {**table, **own}
 
 
 def _print_table(rows: Mapping[str, TableRow], *, as_json: bool) -> None:

@@ -18,6 +18,7 @@ from grasp_factory.cli.calibrate import calibrate
 from grasp_factory.cli.capture import capture
 from grasp_factory.cli.card import card
 from grasp_factory.cli.check_physics import check_physics
+from grasp_factory.cli.conformance import conformance
 from grasp_factory.cli.export import export
 from grasp_factory.cli.generate import generate
 from grasp_factory.cli.import_data import import_
@@ -47,6 +48,7 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
         policies,
         cameras,
         sensors,
+        conformance,
         check_physics,
     ),
     "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from grasp_factory.cli.params import option, options, resolution, weighted
+from grasp_factory.cli.plugin_options import plugin_options
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
@@ -46,17 +47,19 @@ dataset_options = options(
     ),
     _scene(
         "--robot",
-        metavar="NAME",
-        help=f"Robot, see `grasp-factory robots`.  [default: {DEFAULTS.robot}]",
+        metavar="NAME|FILE.py:NAME",
+        help="Robot, see `grasp-factory robots`, or a RobotModel in a Python file."
+        f"  [default: {DEFAULTS.robot}]",
     ),
     _scene(
         "--objects",
         "object_sets",
         type=weighted,
-        metavar="NAME|DIR[:WEIGHT]",
+        metavar="NAME|DIR|FILE.py:NAME[:WEIGHT]",
         multiple=True,
-        help="Object set, see `grasp-factory objects`, or a folder of meshes and URDFs. Objects"
-        " are drawn from several sets in proportion to their weights. Repeatable."
+        help="Object set, see `grasp-factory objects`, a folder of meshes and URDFs, or an"
+        " ObjectSet in a Python file. Objects are drawn from several sets in proportion to their"
+        " weights. Repeatable."
         f"  [default: {_shares(DEFAULTS.object_sets)}]",
     ),
     _scene(
@@ -76,10 +79,11 @@ dataset_options = options(
         "--policy",
         "policies",
         type=weighted,
-        metavar="NAME[:WEIGHT]",
+        metavar="NAME|FILE.py:NAME[:WEIGHT]",
         multiple=True,
-        help="Policy, see `grasp-factory policies`. Several policies share the episodes in"
-        f" proportion to their weights. Repeatable.  [default: {_shares(DEFAULTS.policies)}]",
+        help="Policy, see `grasp-factory policies`, or a function in a Python file. Several"
+        " policies share the episodes in proportion to their weights. Repeatable."
+        f"  [default: {_shares(DEFAULTS.policies)}]",
     ),
     _policy(
         "--model",
@@ -87,6 +91,7 @@ dataset_options = options(
         type=click.Path(path_type=Path),
         help="Trained model with which the policy `learned` ranks its grasps.",
     ),
+    *plugin_options("Grasp policy"),
     _images(
         "--camera",
         "cameras",

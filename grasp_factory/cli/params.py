@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
+from grasp_factory.core.plugins.file_loading import file_reference
 from grasp_factory.errors import ConfigError, lookup, shown
 from grasp_factory.factory.run_request import parse_size
 
@@ -128,9 +129,10 @@ def resolution(text: str) -> list[int]:
 
 
 def weighted(text: str) -> tuple[str, float]:
-    """Return name and weight from NAME[:WEIGHT]; the name may be a folder."""
+    """Return name and weight from NAME[:WEIGHT]; the name may be a folder, or FILE.py:NAME."""
     name, colon, weight = text.rpartition(":")
-    if not colon or os.path.isdir(text):  # unlike Path.is_dir, it accepts names that are too long
+    # Unlike Path.is_dir, os.path.isdir accepts names that are too long.
+    if not colon or file_reference(text) or os.path.isdir(text):
         return text, 1.0
     try:
         return name, float(weight)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, options
+from grasp_factory.cli.plugin_options import allow_plugins, plugin_options
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.verify import MOST_LINES, WORKERS, change_lines, first_lines
 from grasp_factory.core.platforms import ACCEPT
@@ -34,10 +35,18 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Also simulate episodes that were made on another platform, where bytes may differ.",
 )
+@options(*plugin_options())
 @AS_JSON
 @click.pass_context
 def repair(
-    ctx: click.Context, path: Path, *, workers: int, accept_other_platform: bool, as_json: bool
+    ctx: click.Context,
+    path: Path,
+    *,
+    workers: int,
+    accept_other_platform: bool,
+    plugins: tuple[Path, ...],
+    trust: bool,
+    as_json: bool,
 ) -> None:
     """Restore damaged or missing data of a store.
 
@@ -47,6 +56,7 @@ def repair(
     from grasp_factory.cli.bars import counted
     from grasp_factory.curation.repair import repair as run
 
+    allow_plugins(path, plugins, trust=trust)
     with counted("on_episode") as hooks:
         result = run(path, workers, accept_other_platform=accept_other_platform, **hooks)
     if as_json:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option, resolution
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, options, resolution
+from grasp_factory.cli.plugin_options import allow_plugins, plugin_options
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.optional import require
 from grasp_factory.core.serialization import to_plain
@@ -104,6 +105,7 @@ def _size(
     type=click.Path(path_type=Path),
     help="Session of a real episode: it is imported again instead of simulated.",
 )
+@options(*plugin_options())
 @AS_JSON
 @click.pass_context
 def replay(
@@ -114,6 +116,8 @@ def replay(
     video: Path | None,
     *,
     session: Path | None,
+    plugins: tuple[Path, ...],
+    trust: bool,
     as_json: bool,
     **how: Any,
 ) -> None:
@@ -129,6 +133,7 @@ def replay(
     from grasp_factory.curation.replay import replay as run
     from grasp_factory.curation.replay import replay_import
 
+    allow_plugins(path, plugins, trust=trust)
     plan = None if video is None else _plan(path, index, video, given)
     if session is None:
         result = run(path, index)

@@ -10,7 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.cli.plugin_options import trust_store
 from grasp_factory.core.config.yaml_loader import read_yaml
+from grasp_factory.core.plugins.file_loading import file_reference
+from grasp_factory.core.plugins.plugin_sources import allow_file
 from grasp_factory.core.serialization import check
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.factory.run_request import Request, resolve_request
@@ -19,14 +22,33 @@ _LEARNED = "learned"
 
 
 def request_from(
-    *, file: Path | None, assignments: tuple[str, ...], model: Path | None, **flags: Any
+    *,
+    file: Path | None,
+    assignments: tuple[str, ...],
+    model: Path | None,
+    plugins: tuple[Path, ...] = (),
+    trust: bool = False,
+    **flags: Any,
 ) -> Request:
     """Return the checked request that the options describe; import its folders and its model.
 
+    Args:
+        file: a YAML file with settings.
+        assignments: ``KEY=VALUE`` texts.
+        model: file of a trained model.
+        plugins: files of the user that may be run, which the settings do not name by their paths.
+        trust: whether the source files of a store at ``out`` may be run.
+        flags: settings by key.
+
     Raises:
+        PluginError: for a file of the user that cannot be used.
         UsageError: for a folder without a usable object, or a file that is not a model.
         ConfigError: naming the key, what it got and what is valid.
     """
+    from grasp_factory.factory.plugins import with_plugins
+
+    for plugin in plugins:
+        allow_file(plugin)
     settings = {key: value for key, value in flags.items() if value not in (None, ())}
     for key, name in (("policies", "--policy"), ("object_sets", "--objects")):
         if key in settings:
@@ -38,12 +60,16 @@ def request_from(
     folders = [name for name in settings.get("object_sets", {}) if _is_folder(name)]
     if folders:
         weights = settings.pop("object_sets")
-        robot = resolve_request(written, settings, assignments).config.robot
+        robot = with_plugins(resolve_request(written, settings, assignments).config).robot
         digests = _import(folders, robot)
         names = {text: name for text, (name, _) in digests.items()}
         settings["object_sets"] = {names.get(t, t): weight for t, weight in weights.items()}
         settings["object_folders"] = dict(digests.values())
     request = resolve_request(written, settings, assignments)
+    config = with_plugins(request.config)
+    if trust:
+        trust_store(request.out, config)
+    request = replace(request, config=config)
     return request if model is None else _with_model(request, model)
 
 
@@ -87,4 +113,5 @@ def _import(folders: Sequence[str], robot: str) -> dict[str, tuple[str, str]]:
 def _is_folder(name: str) -> bool:
     from grasp_factory.objects import OBJECT_SETS
 
-    return name not in OBJECT_SETS and ("/" in name or os.path.isdir(name))
+    is_plugin = name.endswith(".py") or file_reference(name) is not None
+    return name not in OBJECT_SETS and not is_plugin and ("/" in name or os.path.isdir(name))

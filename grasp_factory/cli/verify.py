@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.params import AS_JSON, STORE, Command, option, options
+from grasp_factory.cli.plugin_options import allow_plugins, plugin_options
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.text_format import count, joined_lines
@@ -60,6 +61,7 @@ WORKERS = option(
     type=click.Path(path_type=Path),
     help="Also check that the owner of this public SSH key has signed every file.",
 )
+@options(*plugin_options())
 @WORKERS
 @AS_JSON
 @click.pass_context
@@ -70,6 +72,8 @@ def verify(
     deep: int,
     deep_seed: int | None,
     signed_by: Path | None,
+    plugins: tuple[Path, ...],
+    trust: bool,
     workers: int,
     as_json: bool,
 ) -> None:
@@ -83,6 +87,8 @@ def verify(
     from grasp_factory.curation.signing import check_signature
     from grasp_factory.curation.verify import verify as run
 
+    if deep:
+        allow_plugins(path, plugins, trust=trust)
     with counted("on_episode") as hooks:
         report = run(path, deep, workers, deep_seed=deep_seed, **hooks)
     if signed_by is not None:

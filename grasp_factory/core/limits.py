@@ -67,6 +67,7 @@ BLOCK = Limit("block", 512 * 2**20, "a block of episodes, expanded,")
 COLUMN = Limit("column", 512 * 2**20, "a column of all rows")
 WORDS = Limit("words", 256 * 2**20, "the text of columns that are read together")
 EMBEDDED = Limit("embedded", 128 * 2**20, "embedded data")
+SOURCE = Limit("source", 256 * 2**10, "the source of a plugin", source="file")
 SEGMENT = Limit("segment", 256 * 2**20, "a column of a packed segment")
 MESH = Limit("triangles", 50_000, "an object's number of triangles", is_count=True)
 LOG = Limit("log", 8 * 2**20, "a log")
@@ -99,6 +100,7 @@ LIMITS = {
         COLUMN,
         WORDS,
         EMBEDDED,
+        SOURCE,
         SEGMENT,
         MESH,
         LOG,

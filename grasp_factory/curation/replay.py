@@ -29,6 +29,7 @@ from grasp_factory.dataset.row_reader import RowReader
 from grasp_factory.dataset.selection import check_index
 from grasp_factory.errors import RecipeError, StoreError, UsageError
 from grasp_factory.factory import embedded_assets
+from grasp_factory.factory.plugins import activate, check_given
 from grasp_factory.simulation.fingerprint import fingerprint
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
@@ -101,6 +102,7 @@ def replay(path: Path, index: int) -> Replay:
     def stop(job: int, why: str) -> int:
         raise StoreError(f"episode {job} of {path}: {isolation.ended(why)}")
 
+    check_given(Dataset(path).config)
     task = partial(replay_here, path)
     (result,) = isolation.isolated().run(task, [index], _ignore, stop, isolation.patience)
     return result
@@ -171,6 +173,7 @@ def replay_here(path: Path, index: int, report: SendMessage = _ignore) -> Replay
     index = check_index(dataset, index)
     check_simulated(dataset, index)
     embedded_assets.unpack(path, dataset.config)
+    activate(dataset.config)
     known, here = made_on(dataset, index), fingerprint(dataset.config)
     quarantined = dataset.status[index] == 2
     recorded = str(dataset.column("error")[index]) if quarantined else ""

@@ -43,5 +43,6 @@ def _cells(field: Field, values: NDArray[Any]) -> Any:
         return list(values)
     if field.names:
         codes: Any = np.where(values < len(field.names), values.astype(int), -1)
-        return pandas.Categorical.from_codes(codes, categories=list(field.names))
+        words: Any = list(field.names)
+        return pandas.Categorical.from_codes(codes, categories=words)
     return values.tolist() if values.dtype.kind == "T" else values

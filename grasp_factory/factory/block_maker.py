@@ -24,6 +24,7 @@ from grasp_factory.factory.block_job import (
     block_range,
     summary_of,
 )
+from grasp_factory.factory.plugins import activate
 from grasp_factory.policies.model_registry import find_model
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.fingerprint import fingerprint
@@ -52,6 +53,7 @@ class BlockMaker:
         Raises:
             StoreError: if the block cannot be written, is damaged, or the disk fails otherwise.
         """
+        activate(self._config)
         kept, here = self._present_rows(job), self.fingerprint
         rows = {i: row.content for i, row in kept.items()}
         for index in block_range(job.block, self._config.block_size, self._writer.length):

@@ -7,7 +7,7 @@ import math
 import shutil
 import statistics
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from grasp_factory.factory.dry_run_pilots import (
 )
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.platform_check import check_platform
+from grasp_factory.factory.plugins import activate, with_plugins
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.world.connection import check_renderer
 from grasp_factory.writers.zarr.store import check_place, missing_rows
@@ -90,9 +91,11 @@ def forecast(
         StoreError: if the existing store is damaged, or the disk fails.
         WorkerError: if a worker died.
     """
+    request = replace(request, config=with_plugins(request.config))
     config, size = request.config, request.config.block_size
     target = check_place(request.out, config)
     embedded_assets.unpack(request.out, config)
+    activate(config)
     check_names(config)
     check_renderer(config.renderer)
     check_platform(request)

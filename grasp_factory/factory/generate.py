@@ -24,6 +24,7 @@ from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made, sh
 from grasp_factory.factory.block_maker import BlockMaker
 from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.platform_check import check_platform, warn_of_other_versions
+from grasp_factory.factory.plugins import activate, with_plugins
 from grasp_factory.factory.retry_policy import Failures, Losses
 from grasp_factory.factory.run_log import RunLog
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard
@@ -98,7 +99,8 @@ def generate(
     all code that spawns processes.
 
     Args:
-        config: decides the episodes' content.
+        config: decides the episodes' content. A policy, a robot or an object set may be an object
+            in a file of the user, such as ``my_file.py:plan``.
         n: the number of episodes that the store must have.
         out: path of the store, which is new or of the same config.
         workers: number of processes; with 1 and no timeout, episodes are made in this process,
@@ -119,6 +121,7 @@ def generate(
         WorkerError: if workers are lost and no episode is to blame; what is committed stays.
         FailuresError: if too many episodes are quarantined to continue; committed blocks stay.
     """
+    config = with_plugins(config)
     seconds = EPISODE_TIMEOUT_S if episode_timeout is None else episode_timeout
     request = Request(
         config=config, n=n, workers=workers, out=Path(out), shard=shard,
@@ -130,6 +133,7 @@ def generate(
     path, start = request.out, time.monotonic()
     target = check_place(path, config)
     embedded_assets.unpack(path, config)
+    activate(config)
     robot = check_names(config)
     check_renderer(config.renderer)
     with adding_how_to_continue(), _lock(request) as lock, RunLog(target, request) as log:

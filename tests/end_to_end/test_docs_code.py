@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.places import DOCS, REPOSITORY
+from support.plugin_files import forget_plugins
 from support.scenes import cube_spec, take_images
 
+from grasp_factory.apps.conformance.conformance_run import checks_of, results, row_named
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.factory.generate import generate
 from grasp_factory.simulation.scene import build_scene, observe
@@ -103,3 +105,25 @@ def test_the_policy_of_the_readme_aims_at_the_target() -> None:
     plan = scope["plan"](view, np.random.default_rng(0), None)
     aim = plan.grasps[0].T_world_tcp[:2, 3]
     assert aim == pytest.approx([0.55, 0.05], abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("page", "file", "name"),
+    [
+        ("README.md", "my_file.py", "plan"),
+        ("docs/guides/extending.md", "my_policy.py", "plan"),
+        ("docs/guides/extending.md", "my_robot.py", "ROBOT"),
+        ("docs/guides/extending.md", "my_set.py", "SET"),
+    ],
+)
+def test_code_of_a_page_for_a_file_passes_the_checks_as_it_stands(
+    page: str, file: str, name: str, tmp_path: Path
+) -> None:
+    blocks = BLOCK.findall((REPOSITORY / page).read_text(encoding="utf-8"))
+    (code,) = [block for block in blocks if block.startswith(f"# {file}\n")]
+    (tmp_path / file).write_text(code, encoding="utf-8")
+    try:
+        _, row = row_named(f"{tmp_path / file}:{name}")
+        assert [found for found in results(checks_of(row)) if found.fault] == []
+    finally:
+        forget_plugins()

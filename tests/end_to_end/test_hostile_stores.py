@@ -65,7 +65,7 @@ SIMULATING: Mapping[str, tuple[str, ...]] = {
 """What may simulate a recipe or play an episode, and takes longer."""
 WITHOUT_STORE = {
     *("preview", "objects", "robots", "policies", "cameras", "sensors", "check-physics"),
-    *("flywheel", "import", "calibrate"),
+    *("flywheel", "import", "calibrate", "conformance"),
 }
 """Commands that read no store of others; tests/curation/test_restore.py imports hostile exports."""
 PAGES = (

@@ -38,6 +38,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "policies": ("",),
     "cameras": ("",),
     "sensors": ("",),
+    "conformance": ("top_down",),
     "info": ("tiny.zarr",),
     "sheet": ("tiny.zarr s.png", "tiny.zarr t.png --tiles"),
     "plot": ("tiny.zarr 0",),
@@ -67,6 +68,7 @@ SIMULATES: Mapping[str, tuple[str, ...]] = {
     "generate": ("--n 1 --out new.zarr", "--n 1 --out new.zarr --dry-run", "--n 5 --out tiny.zarr"),
     "preview": ("preview.png --n 1",),
     "check-physics": ("--short",),
+    "conformance": ("kuka_iiwa",),
     "replay": ("tiny.zarr 0", "tiny.zarr 0 --video v.mp4"),
     "verify": ("tiny.zarr --deep 1",),
     "repair": ("no-chunk.zarr",),
@@ -76,6 +78,7 @@ SIMULATES: Mapping[str, tuple[str, ...]] = {
 
 SIMULATORS = (
     *("simulation.", "apps.active_learning", "apps.physics_check", "apps.pictures.preview"),
+    *("apps.conformance.robot_checks", "apps.conformance.object_set_checks"),
     *("apps.playback.playback", "cli.run_progress", "curation.replay", "factory.block_maker"),
     *("factory.dry_run", "factory.generate", "factory.dry_run_pilots", "factory.platform_check"),
 )

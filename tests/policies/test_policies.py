@@ -11,7 +11,7 @@ from support.views import (
     GRIPPER,
     GRIPPERS,
     RESOLUTION,
-    Boxes,
+    PlacedBoxes,
     brick,
     lowest_corner,
     make_view,
@@ -48,7 +48,7 @@ from grasp_factory.policies.uniform import UniformParameters
 SIDE = CameraConfig(eye=(0.5, 0.7, 0.5), target=(0.5, 0.0, 0.05))
 PLACES = [(0.52, -0.08, 0.0), (0.55, 0.06, 0.4), (0.48, 0.0, 1.1), (0.6, 0.1, -1.3), (0.5, 0, 1.57)]
 """x, y and yaw of a brick on the table."""
-LEANING: Boxes = [
+LEANING: PlacedBoxes = [
     (
         transform(
             rotation_about((0.0, 0.0, 1.0), 1.57) @ rotation_about((1.0, 0.0, 0.0), -0.35),
@@ -61,7 +61,7 @@ LEANING: Boxes = [
 """A plate that leans away from the front camera by 20 degrees, so that its face looks up."""
 
 
-def disc(x: float, y: float, radius: float, height: float) -> Boxes:
+def disc(x: float, y: float, radius: float, height: float) -> PlacedBoxes:
     """Return a standing cylinder as a prism of 32 sides: boxes between its opposite sides."""
     size = (2.0 * radius, 2.0 * radius * math.tan(math.pi / 32), height)
     return [brick(x, y, i * math.pi / 16, size)[0] for i in range(16)]
@@ -78,7 +78,7 @@ def hand(gripper: Gripper, width: float) -> list[tuple[Array, Array]]:
     ]
 
 
-def filled(boxes: Boxes) -> Array:
+def filled(boxes: PlacedBoxes) -> Array:
     """Return points (N, 3) 2 mm apart that fill boxes, world frame."""
     clouds = []
     for T_world_box, size, _ in boxes:
@@ -88,7 +88,7 @@ def filled(boxes: Boxes) -> Array:
     return np.vstack(clouds)
 
 
-def overlaps(grasp: Grasp, gripper: Gripper, boxes: Boxes) -> bool:
+def overlaps(grasp: Grasp, gripper: Gripper, boxes: PlacedBoxes) -> bool:
     points = apply(inverse(grasp.T_world_tcp), filled(boxes))
     return any(
         bool(((points > low) & (points < high)).all(axis=1).any())
@@ -176,8 +176,12 @@ class TestTopDown:
 
     def test_an_angled_target_is_grasped_where_it_is(self, gripper: Gripper) -> None:
         # The middle of an L is empty.
-        bar: Boxes = [(transform(np.eye(3), (0.5, -0.03, 0.02)), (0.10, 0.03, 0.04), Label.TARGET)]
-        leg: Boxes = [(transform(np.eye(3), (0.465, 0.02, 0.02)), (0.03, 0.07, 0.04), Label.TARGET)]
+        bar: PlacedBoxes = [
+            (transform(np.eye(3), (0.5, -0.03, 0.02)), (0.10, 0.03, 0.04), Label.TARGET)
+        ]
+        leg: PlacedBoxes = [
+            (transform(np.eye(3), (0.465, 0.02, 0.02)), (0.03, 0.07, 0.04), Label.TARGET)
+        ]
         (best, *_) = plan("top_down", make_view([*bar, *leg], gripper))
         away = [
             (np.abs(best.T_world_tcp[:2, 3] - T[:2, 3]) - np.array(size[:2]) / 2.0).max()
@@ -268,7 +272,7 @@ class TestWhatTheImageTells:
         assert outline(make_view(brick(*PLACES[1]))).points[:, 2].min() > 0.004
 
     def test_what_stands_before_the_target_draws_no_outline(self) -> None:
-        before: Boxes = [(transform(np.eye(3), (0.62, 0.0, 0.03)), (0.02, 0.3, 0.06), 6)]
+        before: PlacedBoxes = [(transform(np.eye(3), (0.62, 0.0, 0.03)), (0.02, 0.3, 0.06), 6)]
         target = brick(0.5, 0.0, 1.57)
         free, hidden = outline(make_view(target)), outline(make_view([*target, *before]))
         assert 0 < len(hidden) <= len(free)
@@ -397,7 +401,7 @@ class TestAntipodal:
     def test_a_neighbour_is_left_alone(self, gripper: Gripper) -> None:
         target = brick(0.52, 0.0, 0.0, (0.12, 0.035, 0.05))
         place = transform(np.eye(3), (0.55, 0.04, 0.03))
-        other: Boxes = [(place, (0.06, 0.02, 0.06), Label.TARGET + 1)]
+        other: PlacedBoxes = [(place, (0.06, 0.02, 0.06), Label.TARGET + 1)]
         (alone, *_) = plan("antipodal", make_view(target, gripper))
         assert overlaps(alone, gripper, other)  # else the neighbour proves nothing
         grasps = plan("antipodal", make_view([*target, *other], gripper))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from grasp_factory.apps.card.markdown import word
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.config.plugin_origin import KINDS, listed
 from grasp_factory.core.config.randomization import RandomizeConfig
 from grasp_factory.core.renderer import Renderer
 from grasp_factory.core.splits import SPLITS
@@ -79,6 +80,8 @@ def _of_scenes(config: FactoryConfig) -> Iterator[str]:
         yield "All grasps come straight down."
     for policy in map(word, config.models):
         yield f"The grasps of {policy} were chosen by a trained model, with that model's habits."
+    for kind, name, origin in listed(config.plugins):
+        yield f"The {KINDS[kind]} {word(name)} is code of a user, {word(str(origin))}."
     if config.quality.min_score > 1:
         yield (
             f"Episodes with a quality score below {config.quality.min_score} are not in it, so that"

@@ -13,6 +13,7 @@ from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.apps.pictures.tiles import grid
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.errors import RecipeError, UsageError
+from grasp_factory.factory.plugins import activate, with_plugins
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.scene import build_scene, render_cameras, settle
 from grasp_factory.simulation.world import World
@@ -38,6 +39,8 @@ def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) ->
     """
     if not 1 <= n <= MOST:
         raise UsageError(f"{n} scenes: valid: 1 to {MOST}")
+    config = with_plugins(config)
+    activate(config)
     width, height = config.resolution
     size = (TILE_WIDTH, min(max(16, round(TILE_WIDTH * height / width)), 2 * TILE_WIDTH))
     small = dataclasses.replace(config, resolution=size)

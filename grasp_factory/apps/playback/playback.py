@@ -26,6 +26,7 @@ from grasp_factory.core.geometry import Pose
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.factory import embedded_assets
+from grasp_factory.factory.plugins import activate
 from grasp_factory.simulation.images import Render
 from grasp_factory.simulation.scene import Scene, build_scene, render_cameras
 from grasp_factory.simulation.world.playback_world import PosedWorld
@@ -238,6 +239,7 @@ def plan_video(dataset: Dataset, index: int, out: Path, view: View) -> VideoPlan
         UsageError: if the video cannot be made.
         StoreError: if the episode is quarantined or cannot be read.
     """
+    activate(dataset.config)
     pace = dataclasses.replace(view.pace, fps=nearest_fps(out, view.pace.fps))
     episode = dataset[index]
     plan = VideoPlan(

@@ -15,6 +15,7 @@ from grasp_factory.core.config.capture import CaptureConfig
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PhysicsConfig
+from grasp_factory.core.config.plugin_origin import PluginOrigin, check_plugins, plain_plugins
 from grasp_factory.core.config.quality import QualityConfig
 from grasp_factory.core.config.randomization import RandomizeConfig
 from grasp_factory.core.config.recording import check_divides, check_name, check_recording
@@ -111,6 +112,12 @@ class FactoryConfig:
     capture: CaptureConfig | None = None
     """Room for real episodes; without it, a store holds simulated ones alone."""
 
+    plugins: Mapping[str, Mapping[str, PluginOrigin]] = field(default_factory=dict)
+    """Policies, robots and object sets that are not of this package, by kind and name.
+
+    ``factory.plugins.with_plugins`` fills it.
+    """
+
     def __post_init__(self) -> None:
         try:
             normalise(self)
@@ -124,6 +131,8 @@ class FactoryConfig:
         for key, embedded in (("object_folders", self.object_folders), ("models", self.models)):
             for name in embedded:
                 check_name(key, name)
+        used = {"policies": self.policies, "object_sets": self.object_sets}
+        check_plugins(self.plugins, {**used, "robots": (self.robot,)})
         self._check_splits()
         self._check_resolution()
         self._check_textures()
@@ -233,13 +242,17 @@ class FactoryConfig:
         return from_plain(cls, data)
 
     def to_plain(self) -> dict[str, Any]:
-        """Return the config as nested dicts, lists and scalars; without ``capture`` if it has none.
+        """Return the config as nested dicts, lists and scalars.
 
-        So a config of simulated episodes alone has the same SHA-256 as before real ones were known.
+        ``capture`` and ``plugins`` are left out if it has none. So other configs have the same
+        SHA-256 as before these keys were known.
         """
         plain = dict(to_plain(self))
         if self.capture is None:
             del plain["capture"]
+        plain["plugins"] = plain_plugins(self.plugins)
+        if not self.plugins:
+            del plain["plugins"]
         return plain
 
     def sha256(self) -> str:

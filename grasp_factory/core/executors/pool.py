@@ -35,6 +35,7 @@ from grasp_factory.core.executors.base import (
     give_up,
 )
 from grasp_factory.core.executors.serving import serve
+from grasp_factory.core.plugins.plugin_sources import allowed
 from grasp_factory.errors import WorkerError
 
 JOBS_PER_PROCESS = 32
@@ -195,7 +196,7 @@ def _wait(team: dict[Any, _Worker]) -> list[_Worker]:
 def _hire(team: dict[Any, _Worker], task: Task[Any, Any], silence: Silence) -> _Worker:
     """Start a worker and add it to the team."""
     ours, theirs = _SPAWN.Pipe()
-    process = _SPAWN.Process(target=serve, args=(task, theirs), daemon=True)
+    process = _SPAWN.Process(target=serve, args=(task, theirs, allowed()), daemon=True)
     resource_tracker.ensure_running()  # its own start would undo the signal mask
     with _environment(ONE_THREAD), _no_interrupt():
         process.start()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import multiprocessing
 import os
 import pickle
@@ -10,19 +11,34 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Sequence
 from multiprocessing import connection
 from typing import Any
 
 from grasp_factory.core.executors.base import Task
 from grasp_factory.core.parent_process import end_with_parent
+from grasp_factory.core.plugins.plugin_sources import PluginSource, allow
 
 
-def serve(task: Task[Any, Any], pipe: connection.Connection[Any, Any]) -> None:
-    """Do jobs until the pipe closes. Runs in the worker."""
+def serve(
+    task: Task[Any, Any],
+    pipe: connection.Connection[Any, Any],
+    sources: Sequence[PluginSource] = (),
+) -> None:
+    """Do jobs until the pipe closes. Runs in the worker.
+
+    Args:
+        task: what it does.
+        pipe: where jobs come from and results go to.
+        sources: files of the user that it may run.
+    """
     end_with_parent()
+    allow(sources)
     signal.signal(signal.SIGTERM, _leave)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked while it started
     os.dup2(2, 1)  # PyBullet prints warnings on stdout, which belongs to the command's result
+    if isinstance(sys.stdout, io.TextIOWrapper):  # what users' code prints is seen at once
+        sys.stdout.reconfigure(line_buffering=True)
     threading.Thread(target=_die_with_parent, daemon=True).start()
 
     def report(message: Any) -> None:

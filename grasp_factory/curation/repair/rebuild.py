@@ -20,6 +20,7 @@ from grasp_factory.curation.verify.partial_store import PartialStore, open_piece
 from grasp_factory.dataset.row_codec import Row
 from grasp_factory.errors import StoreError
 from grasp_factory.factory.block_job import Begun, BlockJob, summary_of
+from grasp_factory.factory.plugins import activate
 from grasp_factory.writers.base import Quarantined
 from grasp_factory.writers.zarr.layout import block_files
 from grasp_factory.writers.zarr.writer import COMMITTED, ZarrWriter
@@ -93,6 +94,7 @@ class BlockRebuilder:
     def __call__(self, job: BlockJob, report: SendMessage) -> None:
         """Rebuild a block: keep intact rows, and simulate the others from their recipes."""
         pieces = self._pieces
+        activate(pieces.config)
         found = dict(zip(pieces.rows_of(job.block), read_block(pieces, job.block)[0], strict=True))
         rows = {i: recovered(row, pieces, i) for i, row in found.items()}
         recipes = {i: recipe(found[i], pieces, i) for i, row in rows.items() if row is None}

@@ -40,6 +40,7 @@ from grasp_factory.errors import ConfigError, GraspFactoryError
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, Made
 from grasp_factory.factory.name_check import check_names
+from grasp_factory.factory.plugins import activate
 from grasp_factory.factory.retry_policy import Losses
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S
 from grasp_factory.writers.zarr.column_segments import FOLDER, segments, unpack_block
@@ -136,6 +137,7 @@ class RepairSession:
         if has_config(self._path):
             left = read_document(place)[0]["attributes"]
             config = FactoryConfig.from_plain(left["config"])
+            activate(config)
             more = origin_attributes(config, check_names(config))
             more |= {key: left[key] for key in (SOURCES,) if key in left}
             with self._template(config, root_attributes(config, more), rows=0) as template:
@@ -154,6 +156,7 @@ class RepairSession:
         rows: int,
         fields: Collection[Field] = (),
     ) -> Template:
+        activate(config)
         robot = check_names(config)
         try:
             files = embedded_assets.packed(config)

@@ -14,7 +14,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig, first_differ
 from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import DOCUMENT, EMBEDDED, ROWS
 from grasp_factory.core.place import Place, place_of
-from grasp_factory.core.serialization import is_integer
+from grasp_factory.core.serialization import check, is_integer
 from grasp_factory.curation.merge.label_transfer import CopiedLabel
 from grasp_factory.curation.restore.added_data import changes_of, labels_of
 from grasp_factory.dataset.annotations import Change
@@ -24,6 +24,9 @@ from grasp_factory.writers.exporters import EXPORTERS, Exporter, ExportFolder
 from grasp_factory.writers.exporters.export_record import EMBEDDED as EMBEDDED_FOLDER
 from grasp_factory.writers.exporters.export_record import EPISODES, RECORD, VERSION
 from grasp_factory.writers.zarr.embedded import embedded_in
+
+MOST_JOINTS = 64
+"""Joints of a robot that is not of this package."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +131,7 @@ def _opened(path: Path, place: Place, record: Mapping[str, Any]) -> ExportedEpis
             settings=exporter.settings(record["settings"]),
             config=config,
             fields={name: row for name, row in known.items() if name in listed},
-            joints=len(lookup(ROBOTS, "robot", config.robot).arm_joints),
+            joints=_joints(stores[0], config),
         ),
         attributes=stores,
         lines=lines,
@@ -148,6 +151,15 @@ def _config(path: Path, stores: tuple[Mapping[str, Any], ...]) -> FactoryConfig:
                 " them one by one"
             )
     return first
+
+
+def _joints(attributes: Mapping[str, Any], config: FactoryConfig) -> int:
+    """Return the number of joints of a config's robot; that of a plugin is in the attributes."""
+    if config.robot not in config.plugins.get("robots", ()):
+        return len(lookup(ROBOTS, "robot", config.robot).arm_joints)
+    count = len(attributes["robot"]["joint_names"])
+    check(1 <= count <= MOST_JOINTS, "joint_names", count, f"1 to {MOST_JOINTS} names")
+    return count
 
 
 def _line_starts(place: Place) -> tuple[int, ...]:

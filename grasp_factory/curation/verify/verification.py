@@ -63,7 +63,8 @@ def verify(
 
     Raises:
         UsageError: if there is no store, for a number that is not valid, or if episodes are to be
-            simulated and PyBullet is not installed.
+            simulated and PyBullet is not installed, or code of the user that the
+            episodes need was not given.
     """
     path = Path(path)
     for key, got, low, high in (
@@ -82,6 +83,10 @@ def verify(
         pieces, problems = open_pieces(path)
     except StoreError as error:
         return _unreadable(path, damaged or Problem(episode=None, array="", what=str(error)))
+    if deep:
+        from grasp_factory.factory.plugins import check_given  # noqa: PLC0415 - all policies
+
+        check_given(pieces.config)
     problems = ([damaged] if damaged else []) + problems
     problems += structure_problems(pieces)
     on_start(pieces.rows + deep)

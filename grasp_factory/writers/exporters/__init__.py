@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from grasp_factory.errors import UnknownNameError, lookup
+from grasp_factory.core.plugins.entry_points import installed
+from grasp_factory.errors import PluginError, UnknownNameError, lookup, shown
 from grasp_factory.writers.exporters.article import ARTICLE
 from grasp_factory.writers.exporters.base import (
     ExportContents,
@@ -28,6 +29,9 @@ from grasp_factory.writers.exporters.tfrecord import TFRECORD
 from grasp_factory.writers.exporters.vgn import VGN
 from grasp_factory.writers.exporters.webdataset import WEBDATASET
 from grasp_factory.writers.exporters.ycb import YCB
+
+KIND = "exporters"
+"""Installed packages offer exporters as entry points of the group ``grasp_factory.exporters``."""
 
 EXPORTERS: Mapping[str, Exporter] = {
     row.name: row
@@ -61,14 +65,30 @@ NOT_OFFERED: Mapping[str, str] = {
 
 
 def exporter_named(name: str) -> Exporter:
-    """Return the exporter of a format.
+    """Return the exporter of a format, of this package or of an installed one.
 
     Raises:
         UnknownNameError: listing the formats, or saying why a format is not offered.
+        PluginError: if an installed package's exporter cannot be loaded.
     """
     if name in NOT_OFFERED:
         raise UnknownNameError(f"format {name} is not offered: {NOT_OFFERED[name]}")
-    return lookup(EXPORTERS, "format", name)
+    offered = {} if name in EXPORTERS else installed(KIND)
+    if name not in offered:
+        return lookup(EXPORTERS, "format", name)
+    found = offered[name].load()
+    if not isinstance(found, Exporter) or found.name != name:
+        raise PluginError(
+            f"{offered[name].entry_point.value}: got {shown(found)}, valid: an Exporter with the"
+            f" name {name!r}"
+        )
+    return found
+
+
+def all_exporters() -> list[Exporter]:
+    """Return the exporters of this package, then those of installed packages."""
+    more = sorted(set(installed(KIND)) - set(EXPORTERS))
+    return [*EXPORTERS.values(), *map(exporter_named, more)]
 
 
 __all__ = [
@@ -80,5 +100,6 @@ __all__ = [
     "ExportPart",
     "Exporter",
     "NoSettings",
+    "all_exporters",
     "exporter_named",
 ]

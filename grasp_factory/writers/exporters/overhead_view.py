@@ -14,7 +14,7 @@ from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix, transform
 from grasp_factory.errors import UsageError
-from grasp_factory.robots import ROBOTS
+from grasp_factory.robots import gripper_of
 from grasp_factory.writers.exporters.grasp_rectangle import GraspRectangle, grasp_rectangle
 from grasp_factory.writers.exporters.images import camera_of
 from grasp_factory.writers.exporters.selection import Selection
@@ -52,7 +52,7 @@ class OverheadView:
 def rectangle_in(episode: Episode, K: Array, T_world_camera: Array) -> GraspRectangle | None:
     """Return the rectangle of an episode's grasp in an image; None if it is behind the camera."""
     columns = episode.columns
-    opening, jaw = float(columns["grasp_width"]), ROBOTS[episode.spec.robot].gripper.pad_size[0]
+    opening, jaw = float(columns["grasp_width"]), gripper_of(episode.spec.robot).pad_size[0]
     return grasp_rectangle(grasp_pose(episode), opening, jaw, K, T_world_camera)
 
 

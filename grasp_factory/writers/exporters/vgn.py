@@ -23,7 +23,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array, Pose, inverse, transform
 from grasp_factory.core.linear import product
-from grasp_factory.robots import ROBOTS
+from grasp_factory.robots import gripper_of
 from grasp_factory.signals.tsdf import DepthView, tsdf_grid
 from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
 from grasp_factory.writers.exporters.images import camera_of
@@ -151,7 +151,7 @@ def held_width(episode: Episode, config: FactoryConfig) -> float:
     """
     widths = episode.streams["gripper_width"]
     is_held = episode.success and len(widths) and np.isfinite(widths[-1])
-    return float(widths[-1]) if is_held else ROBOTS[config.robot].gripper.max_width
+    return float(widths[-1]) if is_held else gripper_of(config.robot).max_width
 
 
 def finish(job: ExportJob, parts: Sequence[None]) -> None:
@@ -175,7 +175,7 @@ def setup(episodes: Selection, settings: VgnSettings) -> dict[str, Any]:
             "height": camera.height,
             "K": camera.matrix().ravel().tolist(),
         },
-        "max_opening_width": ROBOTS[episodes.config.robot].gripper.max_width,
+        "max_opening_width": gripper_of(episodes.config.robot).max_width,
         "finger_depth": settings.finger_depth,
     }
 

@@ -15,7 +15,7 @@ import numpy as np
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix
 from grasp_factory.core.serialization import check_range
-from grasp_factory.robots import ROBOTS
+from grasp_factory.robots import gripper_of
 
 RESOLUTION = 40
 """Voxels along an edge of VGN's grids."""
@@ -64,7 +64,7 @@ def finger_root(
         config: of the store.
         settings: of the cube.
     """
-    tip_distance = ROBOTS[config.robot].gripper.tip_distance
+    tip_distance = gripper_of(config.robot).tip_distance
     approach = quat_xyzw_to_matrix(quat_xyzw)[..., :, 2]
     ahead = tip_distance - settings.finger_depth
     return np.asarray(position + ahead * approach - cube_origin(config, settings))

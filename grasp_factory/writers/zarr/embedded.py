@@ -10,17 +10,20 @@ import zarr
 from zarr.codecs import ZstdCodec
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.limits import EMBEDDED
+from grasp_factory.core.config.plugin_origin import listed
+from grasp_factory.core.limits import EMBEDDED, SOURCE
 from grasp_factory.core.place import place_of
 from grasp_factory.writers.zarr.header import open_array, open_store, read_array
 from grasp_factory.writers.zarr.layout import KEYS, ZSTD_LEVEL
 from grasp_factory.writers.zarr.metadata_checksum import VALUES_SEAL, values_digest
 
-OBJECTS, MODELS = "objects", "models"
-"""Groups: users' objects by the name of their set, trained models by that of their policy."""
+OBJECTS, MODELS, PLUGINS = "objects", "models", "plugins"
+"""Groups: users' objects by the name of their set, trained models by that of their policy, source
+files by their SHA-256."""
 DESCRIPTIONS = {
     OBJECTS: "zip file of a manifest and the converted meshes of this set",
     MODELS: "safetensors file of the trained model that this policy ranks its grasps by",
+    PLUGINS: "Python file of the user, which readers never run",
 }
 CHUNK = 1 << 24
 """Bytes of a chunk."""
@@ -29,7 +32,9 @@ CHUNK = 1 << 24
 def embedded_in(config: FactoryConfig) -> dict[str, str]:
     """Return the SHA-256 that names each embedded item of a store of this config, by path in it."""
     objects = {f"{OBJECTS}/{name}": sha256 for name, sha256 in config.object_folders.items()}
-    return objects | {f"{MODELS}/{name}": sha256 for name, sha256 in config.models.items()}
+    models = {f"{MODELS}/{name}": sha256 for name, sha256 in config.models.items()}
+    files = [origin.sha256 for _, _, origin in listed(config.plugins) if origin.file]
+    return objects | models | {f"{PLUGINS}/{sha256}": sha256 for sha256 in files}
 
 
 def add_embedded(root: zarr.Group, path: str, content: bytes) -> None:
@@ -76,5 +81,6 @@ def open_embedded(root: zarr.Group, path: str) -> zarr.Array[Any]:
         LimitError: if it is too large.
     """
     array = open_array(root, path)
-    EMBEDDED.check(array.nbytes, f"{root.store}/{path}")
+    limit = SOURCE if path.startswith(f"{PLUGINS}/") else EMBEDDED
+    limit.check(array.nbytes, f"{root.store}/{path}")
     return array

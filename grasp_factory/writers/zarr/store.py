@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.plugin_origin import changed_file
 from grasp_factory.core.place import Place, place_at, place_of
 from grasp_factory.core.place_tree import entries, files_below, fsync_tree
 from grasp_factory.core.regular_file import irregular
@@ -188,7 +189,13 @@ def _check_same(path: Path, config: FactoryConfig) -> None:
     if SOURCES in attributes:
         raise StoreMismatchError(f"{path} was put together from other stores; {_OTHER}")
     if attributes.get("config_sha256") != config.sha256():
-        found = first_difference(attributes.get("config"), config.to_plain()) or "config_sha256"
+        stored = attributes["config"]
+        if changed := changed_file(stored, config.plugins):
+            raise StoreMismatchError(
+                f"{changed} has changed since {path} was begun; {_OTHER}, or put the old file back:"
+                f" `grasp-factory info {path}` prints it"
+            )
+        found = first_difference(stored, config.to_plain()) or "config_sha256"
         raise StoreMismatchError(
             f"{path} holds a dataset of another config ({found}); use its config or {_OTHER}"
         )

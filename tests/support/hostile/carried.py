@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import zarr
 from support.hostile.recipes import Recipe
-from support.hostile.table import ATTACKS, DEEP, GB, Attack, attack, configured, edited
+from support.hostile.table import ATTACKS, DEEP, ESCAPE, GB, Attack, attack, configured, edited
 from support.tiny_archive import COLLISION, archive, manifest
 
 from grasp_factory.core.cache import digest
@@ -66,6 +66,29 @@ def model(content: bytes) -> Attack:
     return contain
 
 
+def code(content: bytes, file: str = "evil.py", sha256: str = "") -> Attack:
+    """Contain a source file, whose policy a recipe and the config use."""
+    named = sha256 or digest(content)
+
+    def contain(store: Path, outside: Path) -> None:
+        Recipe(lambda plain: plain.update(policy="evil_plan", policy_parameters={}))(store, outside)
+        origin = {"sha256": named, "attribute": "plan", "file": file}
+        config = {
+            "policies": {"evil_plan": 1.0},
+            "plugins": {"policies": {"evil_plan": origin}},
+        }
+        _embed(store, f"plugins/{named}", content, **config)
+
+    return contain
+
+
+def package(module: str, attribute: str, sha256: str) -> Attack:
+    """Name an object of a module that is installed, but offers no plugin."""
+    origin = {"sha256": sha256, "attribute": attribute, "module": module, "distribution": "os"}
+    config = {"policies": {"evil": 1.0}, "plugins": {"policies": {"evil": origin}}}
+    return configured(**config)
+
+
 def _group(i: int) -> bytes:
     corners = b"\n".join(b"v 0.0%d 0.0%d 0.0%d" % (i % 7, i % 5, j) for j in range(1, 5))
     a, b, c, d = range(4 * i + 1, 4 * i + 5)
@@ -104,6 +127,14 @@ ATTACKS |= {
     "a carried model that is noise": model(bytes(range(256)) * 1000),
     "a carried model that is a pickle": model(b"\x80\x04cos\nsystem\n(S'touch pickled'\ntR."),
     "a carried model with a header of 2^60 bytes": model(struct.pack("<Q", 2**60) + b"{}"),
+    "carried code that does harm": code(b"open('../home/bashrc', 'w').write('owned')\n"),
+    "carried code with escapes": code(ESCAPE.encode() + b"\n", file="\x1b]0;owned\x07.py"),
+    "carried code of another hash": code(b"plan = 1\n", sha256="0" * 64),
+    "carried code that is no text": code(bytes(range(256)) * 4),
+    "carried code of a megabyte": code(b"#" * 2**20),
+    "carried code with a path as its name": code(b"plan = 1\n", file="../../home/bashrc.py"),
+    "code of the module os": package("os", "system", "0" * 64),
+    "code with a path as its hash": package("os", "system", "../../../home/docs"),
     "a carried model with a deep header": model(struct.pack("<Q", len(DEEP)) + DEEP.encode()),
 }  # fmt: skip
 

@@ -1,0 +1,322 @@
+"""Policies, robots and object sets of users' files: made, shared, replayed, repaired, refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from support.helpers import assert_same_tree
+from support.places import REPOSITORY
+from support.plugin_files import FILES, OPTIONS, forget_plugins, write_plugins
+
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.factory.generate import generate
+from grasp_factory.writers.zarr.embedded import read_embedded
+
+pytestmark = pytest.mark.slow
+
+SMALL = ("--resolution", "32x24", "--set", "block_size=1", "--set", "motion.hold_s=0.1")
+MINE = tuple(word for option in OPTIONS.items() for word in option)
+GIVEN = tuple(word for file in FILES for word in ("--plugin", file))
+
+
+def command(folder: Path, *words: object, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in a folder, in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "grasp_factory", *map(str, words)],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY)} | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def making(out: str, n: int = 2) -> tuple[object, ...]:
+    """Return the words of a command that makes a small store."""
+    return ("generate", "--n", n, "--quiet", "--out", out, *SMALL)
+
+
+def make(folder: Path, out: str, *words: object, n: int = 2) -> subprocess.CompletedProcess[str]:
+    return command(folder, *making(out, n), *words)
+
+
+def line_of(done: subprocess.CompletedProcess[str], code: int) -> str:
+    """Return the only line that a command says when it fails."""
+    assert done.returncode == code, done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.startswith("Error: ")]
+    assert len(lines) == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    return lines[0]
+
+
+Here = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def command_here(run: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch) -> Here:
+    """Return what runs the command in a folder and in this process, which forgets all plugins."""
+
+    def command_here(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(folder)
+        forget_plugins()
+        return subprocess.CompletedProcess([], *run(*words))
+
+    return command_here
+
+
+@pytest.fixture(autouse=True)
+def forgotten() -> Iterator[None]:
+    """Forget the plugins of each test."""
+    yield
+    forget_plugins()
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the files and ``a.zarr``, made from all three with two workers."""
+    folder = write_plugins(tmp_path_factory.mktemp("made"))
+    done = make(folder, "a.zarr", *MINE, "--workers", 2)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture
+def here(made: Path, tmp_path: Path) -> Path:
+    """Return a copy of that folder."""
+    return Path(shutil.copytree(made, tmp_path / "here"))
+
+
+@pytest.fixture
+def elsewhere(made: Path, tmp_path: Path) -> Path:
+    """Return a folder with the store, but without the files."""
+    (tmp_path / "elsewhere").mkdir()
+    shutil.copytree(made / "a.zarr", tmp_path / "elsewhere" / "a.zarr")
+    return tmp_path / "elsewhere"
+
+
+def test_policy_robot_and_object_set_make_the_episodes(made: Path) -> None:
+    for episode in Dataset(made / "a.zarr"):
+        assert episode.spec.policy == "my_policy_plan"
+        assert episode.spec.robot == "turned"
+        assert episode.spec.objects[0].object_id.startswith("bricks/")
+        assert episode.streams["joint_positions"][0, 0] == pytest.approx(0.3, abs=0.01)
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_two_workers_and_this_process_make_the_same_bytes(option: str, here: Path) -> None:
+    key = {"--policy": "policies", "--robot": "robot", "--objects": "object_sets"}[option]
+    value = str(here / OPTIONS[option])
+    plain = FactoryConfig.from_plain(
+        {
+            "resolution": [32, 24], "block_size": 1, "motion": {"hold_s": 0.1},
+            key: value if key == "robot" else {value: 1.0},
+        }
+    )  # fmt: skip
+    generate(plain, 2, here / "one.zarr", workers=1)
+    done = make(here, "two.zarr", option, OPTIONS[option], "--workers", 2)
+    assert done.returncode == 0, done.stderr
+    assert_same_tree(here / "one.zarr", here / "two.zarr")
+
+
+def test_shards_make_the_store_together(here: Path) -> None:
+    for k in (1, 2):
+        done = make(here, "s.zarr", *MINE, "--shard", f"{k}/2")
+        assert done.returncode == 0, done.stderr
+    assert command(here, "verify", "s.zarr").returncode == 0
+    checksums = [
+        list(Dataset(here / name).column("checksum")) for name in ("a.zarr", "s.zarr")
+    ]
+    assert checksums[0] == checksums[1]
+
+
+def test_the_same_command_grows_the_store(here: Path) -> None:
+    done = make(here, "a.zarr", *MINE, n=3)
+    assert done.returncode == 0, done.stderr
+    assert len(Dataset(here / "a.zarr").committed) == 3
+
+
+def test_a_config_file_names_them_too(here: Path) -> None:
+    text = "policies: {'my_policy.py:plan': 1}\nrobot: my_robot.py:ROBOT\n"
+    (here / "my.yaml").write_text(text + "object_sets: {'my_set.py:SET': 1}\n")
+    done = make(here, "y.zarr", "--config", "my.yaml")
+    assert done.returncode == 0, done.stderr
+    assert_same_tree(here / "a.zarr", here / "y.zarr")
+
+
+class TestReplay:
+    def test_with_the_files(self, made: Path) -> None:
+        done = command(made, "replay", "a.zarr", 1, *GIVEN)
+        assert "replays to the same bytes" in done.stdout, done.stderr
+
+    def test_with_trust_where_the_files_never_were(self, elsewhere: Path) -> None:
+        done = command(elsewhere, "replay", "a.zarr", 1, "--trust", "--json")
+        assert json.loads(done.stdout)["same"], done.stderr
+        assert "running my_policy.py of a.zarr (SHA-256 " in done.stderr
+
+    def test_without_either_it_names_what_to_add(self, made: Path, command_here: Here) -> None:
+        line = line_of(command_here(made, "replay", "a.zarr", 1), 2)
+        assert "policy my_policy_plan" in line
+        assert line.endswith(
+            "add --plugin my_policy.py --plugin my_robot.py --plugin my_set.py, or --trust to run"
+            " the copy in the store"
+        )
+
+    def test_with_a_file_that_has_changed(self, here: Path, command_here: Here) -> None:
+        with (here / "my_policy.py").open("a") as file:
+            file.write("# another\n")
+        line = line_of(command_here(here, "replay", "a.zarr", 1, *GIVEN), 2)
+        assert "my_policy.py has changed: policy my_policy_plan was made with the SHA-256" in line
+
+
+def test_verify_simulates_again_only_with_the_files(elsewhere: Path, command_here: Here) -> None:
+    assert command_here(elsewhere, "verify", "a.zarr").returncode == 0
+    line_of(command_here(elsewhere, "verify", "a.zarr", "--deep", 1), 2)
+    done = command_here(elsewhere, "verify", "a.zarr", "--deep", 1, "--trust")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_damaged_episode_is_repaired_with_trust(
+    elsewhere: Path, made: Path, command_here: Here
+) -> None:
+    (elsewhere / "a.zarr/streams/phase/1.0").unlink()
+    line_of(command_here(elsewhere, "repair", "a.zarr"), 2)
+    done = command_here(elsewhere, "repair", "a.zarr", "--trust")
+    assert "1 episode simulated again with the same bytes" in done.stdout, done.stderr
+    assert_same_tree(elsewhere / "a.zarr", made / "a.zarr")
+
+
+def test_merging_and_exporting_carry_the_source_and_run_nothing(
+    elsewhere: Path, command_here: Here
+) -> None:
+    assert command_here(elsewhere, "split", "a.zarr", "b.zarr", "--episodes", "0").returncode == 0
+    done = command_here(elsewhere, "export", "b.zarr", "out", "--to", "sequences")
+    assert done.returncode == 0, done.stderr
+    done = command_here(elsewhere, "import", "out", "c.zarr")
+    assert done.returncode == 0, done.stderr
+    for name in ("b.zarr", "c.zarr"):
+        origin = Dataset(elsewhere / name).config.plugins["policies"]["my_policy_plan"]
+        content = read_embedded(elsewhere / name, f"plugins/{origin.sha256}")
+        assert content == FILES["my_policy.py"].encode()
+
+
+def test_info_shows_the_source_with_escapes(tmp_path: Path) -> None:
+    hostile = FILES["my_policy.py"] + "# \x1b[2J\n"
+    (tmp_path / "my_policy.py").write_text(hostile)
+    assert make(tmp_path, "a.zarr", "--policy", "my_policy.py:plan", n=1).returncode == 0
+    said = command(tmp_path, "info", "a.zarr").stdout
+    assert "policy my_policy_plan  my_policy.py:plan  SHA-256 " in said
+    assert "    def plan(" in said
+    assert "# \\x1b[2J" in said
+    assert "\x1b" not in said
+
+
+def test_a_run_with_a_changed_file_is_another_dataset(here: Path, command_here: Here) -> None:
+    with (here / "my_policy.py").open("a") as file:
+        file.write("# another\n")
+    line = line_of(command_here(here, *making("a.zarr"), *MINE), 2)
+    assert "my_policy.py has changed since a.zarr was begun; choose another --out" in line
+
+
+BROKEN = {
+    "missing": (None, "my_policy.py is not there, valid: the path of a file that ends in .py"),
+    "no name": ("x = 1\n", "has no 'plan' (valid: x)"),
+    "a syntax error": ("def plan(:\n", "cannot be loaded: SyntaxError: invalid syntax (line 1)"),
+    "an error": (
+        "import numpy\nprint(Params)\n",
+        "cannot be loaded: NameError: name 'Params' is not defined (line 2)",
+    ),
+    "an exit": ("import sys\nsys.exit(3)\n", "cannot be loaded: SystemExit: 3 (line 2)"),
+    "arguments": ("def plan(view): ...\n", "takes (view), valid: (view, rng, settings)"),
+    "a number": ("plan = 3\n", "is no policy: got 3, valid: a function plan(view, rng, settings)"),
+    "too large": (f"#{'x' * 300_000}\n", "the source of a plugin of 262.1 kB, valid: up to"),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_file_that_cannot_be_used_is_one_line(
+    what: str, tmp_path: Path, command_here: Here
+) -> None:
+    text, said = BROKEN[what]
+    if text is not None:
+        (tmp_path / "my_policy.py").write_text(text)
+    done = command_here(tmp_path, *making("a.zarr"), "--policy", "my_policy.py:plan")
+    code = 1 if what == "too large" else 2
+    assert said in line_of(done, code)
+    assert not (tmp_path / "a.zarr").exists()
+
+
+def test_a_policy_that_raises_quarantines_its_episodes(tmp_path: Path) -> None:
+    (tmp_path / "bad.py").write_text("def plan(view, rng, settings):\n    raise ValueError('no')\n")
+    done = make(tmp_path, "a.zarr", "--policy", "bad.py:plan", "--max-failures", 1)
+    assert done.returncode == 0, done.stderr
+    assert list(Dataset(tmp_path / "a.zarr").column("error")) == ["ValueError: no"] * 2
+
+
+def test_what_a_file_prints_is_on_stderr(tmp_path: Path) -> None:
+    loud = f"print('loaded')\n{FILES['my_policy.py']}".replace(
+        "points =", "print('planning')\n    points ="
+    )
+    (tmp_path / "my_policy.py").write_text(loud)
+    words = ("--policy", "my_policy.py:plan", "--json", "--workers", 2)
+    done = make(tmp_path, "a.zarr", *words)
+    assert json.loads(done.stdout)["made"] == 2
+    assert "loaded" in done.stderr
+    assert "planning" in done.stderr
+
+
+def test_the_name_of_a_row_of_this_package_is_refused(tmp_path: Path, command_here: Here) -> None:
+    text = FILES["my_robot.py"].replace('"turned"', '"panda"')
+    (tmp_path / "my_robot.py").write_text(text)
+    line = line_of(command_here(tmp_path, *making("a.zarr"), "--robot", "my_robot.py:ROBOT"), 2)
+    assert "my_robot.py:ROBOT has the name 'panda', which is one of this package" in line
+
+
+def evil_store(made: Path, folder: Path) -> Path:
+    """Return a store that carries code which writes a file as it is run."""
+    text = f"open({str(folder / 'owned')!r}, 'w').close()\n{FILES['my_policy.py']}"
+    shutil.copytree(made, folder, dirs_exist_ok=True)
+    (folder / "my_policy.py").write_text(text)
+    done = make(folder, "evil.zarr", "--policy", "my_policy.py:plan")
+    assert done.returncode == 0, done.stderr
+    (folder / "owned").unlink()
+    return folder
+
+
+NEVER = (
+    "info evil.zarr", "verify evil.zarr", "query evil.zarr --csv", "card evil.zarr --out card",
+    "split evil.zarr part.zarr --episodes 0", "merge merged.zarr evil.zarr", "tags evil.zarr",
+    "export evil.zarr coco --to coco", "sheet evil.zarr sheet.png", "index evil.zarr",
+)  # fmt: skip
+"""What reads a store, and runs none of its code."""
+REFUSED = (
+    "replay evil.zarr 0", "repair evil.zarr", "verify evil.zarr --deep 1",
+    "replay evil.zarr 0 --video video.mp4",
+)  # fmt: skip
+"""What needs the code, and ends without it."""
+
+
+def test_code_of_a_store_is_run_by_no_command_without_trust(
+    made: Path, tmp_path: Path, command_here: Here
+) -> None:
+    folder = evil_store(made, tmp_path / "evil")
+    (folder / "my_policy.py").unlink()
+    for line in NEVER:
+        done = command_here(folder, *line.split())
+        assert done.returncode == 0, done.stderr
+        assert not (folder / "owned").exists(), line
+    (folder / "evil.zarr/streams/phase/1.0").unlink()
+    for line in REFUSED:
+        assert "my_policy.py, which was not given" in line_of(
+            command_here(folder, *line.split()), 2
+        )
+        assert not (folder / "owned").exists(), line
+    command_here(folder, "replay", "evil.zarr", 0, "--trust")
+    assert (folder / "owned").exists()
