@@ -33,6 +33,7 @@ from grasp_factory.cli.repair import repair
 from grasp_factory.cli.replay import replay
 from grasp_factory.cli.rerun import rerun_
 from grasp_factory.cli.sign import sign
+from grasp_factory.cli.snapshot import diff, log, snapshot
 from grasp_factory.cli.tag import tag, tags
 from grasp_factory.cli.train import learning_curve, train
 from grasp_factory.cli.verify import verify
@@ -52,6 +53,7 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),
     "Search and annotate episodes": (index, query, tag, tags),
     "Check, change and export a dataset": (verify, repair, sign, relabel, merge, split, export),
+    "Keep versions of a dataset": (snapshot, log, diff),
     "Use recordings of real robots": (capture, calibrate, import_),
     "Train on a dataset": (train, learning_curve, flywheel),
 }
