@@ -467,7 +467,9 @@ class Fake(StoredVersion):
         parts = [whole[k : k + segments.ROWS] for k in range(0, len(whole), segments.ROWS)]
         self.name, self._parts = "fake", parts
         names = tuple(segments.name_of(part.tobytes()) for part in parts)
-        contents = {"rows": len(order), "committed": 0, "quarantined": 0, "arrays": ()}
+        statuses = [rows[key][0] for key in order]
+        counts = {"committed": statuses.count(1), "quarantined": statuses.count(2)}
+        contents = {"rows": len(order), "arrays": (), **counts}
         self.contents = StoreContents(**contents, segments=names, digests=names, attributes={})
 
     def rows(self, k: int) -> Any:

@@ -56,14 +56,15 @@ def compare(a: Version, b: Version, *, arrays: bool = False) -> Difference:
     both_left, both_right = left[of_left], right[of_right]
     differs = _differ(both_left.row, both_right.row)
     changed = both_left[differs], both_right[differs]
-    shared = sum(int((a.rows(k)["status"] != 0).sum()) for k in same) if len(same) else 0
+    removed = np.delete(left.names(), of_left, axis=0)
+    present = a.contents.committed + a.contents.quarantined
     return Difference(
         a=a.name,
         b=b.name,
         added=np.delete(right.names(), of_right, axis=0),
-        removed=np.delete(left.names(), of_left, axis=0),
+        removed=removed,
         changed=changed[1].names(),
-        unchanged=shared + int((~differs).sum()),
+        unchanged=present - len(removed) - int(differs.sum()),
         arrays=_arrays(*changed) if arrays else None,
         settings=tuple(_settings(a.contents.attributes, b.contents.attributes)),
         labels=_labels(a.contents, b.contents),
@@ -80,36 +81,36 @@ def _side(version: Version, without: Sequence[int]) -> _Side:
     left_out = set(without)
     kept = [k for k in range(len(version.contents.segments)) if k not in left_out]
     parts = [version.rows(k) for k in kept]
-    numbers = [k * segments.ROWS + np.arange(len(part)) for k, part in zip(kept, parts, strict=True)]
+    numbers = [
+        k * segments.ROWS + np.arange(len(part)) for k, part in zip(kept, parts, strict=True)
+    ]
     row = np.concatenate(parts) if parts else np.empty(0, ROW)
     number = np.concatenate(numbers) if numbers else np.empty(0, np.int64)
     there = row["status"] != 0
-    return _Side(version, number[there], row[there])
+    side = _Side(version, number, row)
+    return side if there.all() else side[there]
 
 
 def _common(a: _Side, b: _Side) -> tuple[Integers, Integers]:
     """Return the places, in each side, of the episodes that both have; in the same order."""
-    first = min(len(a.row), len(b.row))
-    aligned = all(np.array_equal(a.row[key][:first], b.row[key][:first]) for key in _KEYS)
     keys = _keys(a.row, b.row)
-    for side, own in zip((a, b), keys, strict=True):
-        if len(np.unique(own)) < len(own):
+    first = min(map(len, keys))
+    is_ascending = [bool((np.diff(own) > 0).all()) for own in keys]
+    for side, own, ascending in zip((a, b), keys, is_ascending, strict=True):
+        if not ascending and len(np.unique(own)) < len(own):
             raise StoreError(f"{side.version.name} is damaged: two rows have the same recipe")
-    if aligned:
+    if all(is_ascending) and np.array_equal(keys[0][:first], keys[1][:first]):
         return np.arange(first), np.arange(first)
     _, of_a, of_b = np.intersect1d(*keys, assume_unique=True, return_indices=True)
     order = np.argsort(of_b)
     return of_a[order], of_b[order]
 
 
-_KEYS = ("seed", "index")
-
-
 def _keys(a: NDArray[np.void], b: NDArray[np.void]) -> tuple[Integers, Integers]:
     """Return a number for each row of both; equal numbers are equal seeds and indices."""
-    seed, index = (np.concatenate([a[key], b[key]]) for key in _KEYS)
-    seeds, code = np.unique(seed, return_inverse=True)
-    if len(seeds) > 1:
+    seed, index = (np.concatenate([a[key], b[key]]) for key in ("seed", "index"))
+    if (seed != seed[:1]).any():
+        code = np.unique(seed, return_inverse=True)[1]
         values, index = np.unique(index, return_inverse=True)
         index = code * len(values) + index
     return index[: len(a)], index[len(a) :]

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from grasp_factory.core import schema
 from grasp_factory.dataset.snapshots.segments import ROW
 from grasp_factory.errors import StoreError
+from grasp_factory.writers.zarr.array_reader import ColumnFiles
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.field_arrays import open_arrays
 from grasp_factory.writers.zarr.header import SOURCES, open_store, recorded_arrays
 
+_DIGITS, _MOST_STATUS = 64, 2
 _RECIPES = ("seed", "index")
 _NEEDED = {schema.STATUS.path, schema.CHECKSUM.path, schema.DIGESTS.path}
 
@@ -50,7 +52,10 @@ class StateColumns:
         if not self.arrays:
             what = f"{schema.DIGESTS.path} does not name its arrays"
             raise StoreError(f"{path} is damaged: {what}; run grasp-factory verify on it")
-        self._seed = config.seed
+        self._seed, self._checksum = config.seed, opened[schema.CHECKSUM.path]
+        self._status = self._columns.read("status")["status"]
+        if (self._status > _MOST_STATUS).any():
+            raise self._damaged("status", 0)
 
     def rows(self, start: int, stop: int) -> NDArray[np.void]:
         """Return rows ``start`` to ``stop`` - 1, of ``segments.ROW``.
@@ -62,12 +67,9 @@ class StateColumns:
         out["index"], out["seed"] = np.arange(start, stop), self._seed
         for name in self._recipes:
             out[name] = self._columns.read_rows(name, start, stop)
-        out["status"] = self._columns.read_rows("status", start, stop)
+        out["status"] = self._status[start:stop]
         there = np.flatnonzero(out["status"])
-        texts = self._columns.read_rows("checksum", start, stop)[there].tolist()
-        out["checksum"][there] = self._bytes(texts, start)
-        if (out["status"] > 2).any():
-            raise self._damaged("status", start)
+        out["checksum"][there] = self._checksums(start, stop)[there]
         out[out["status"] == 0] = np.zeros((), ROW)
         return out
 
@@ -79,12 +81,23 @@ class StateColumns:
         """
         return self._columns.read_rows("array_crc32c", start, stop).astype("<u4", copy=False)
 
-    def _bytes(self, texts: list[str], start: int) -> NDArray[np.uint8]:
-        """Return checksums, texts of 64 hexadecimal digits, as bytes, (K, 32)."""
+    def _checksums(self, start: int, stop: int) -> NDArray[np.uint8]:
+        """Return the checksums of some rows, (K, 32); zeros for those of missing rows."""
+        column = self._checksum
+        if isinstance(column, ColumnFiles):
+            text = column.read_equal_words(start, stop, _DIGITS)
+        else:
+            words = column.read(start, stop).astype(f"S{_DIGITS + 1}")
+            text = np.zeros((stop - start, _DIGITS), np.uint8)
+            whole = np.char.str_len(words) == _DIGITS
+            text[whole] = words[whole].view(np.uint8).reshape(-1, _DIGITS + 1)[:, :_DIGITS]
+        missing = text[:, 0] == 0
+        text[missing] = ord("0")
+        if missing[self._status[start:stop] != 0].any():
+            raise self._damaged("checksum", start)
         try:
-            if any(len(text) != 64 for text in texts):
-                raise ValueError
-            return np.frombuffer(bytes.fromhex("".join(texts)), np.uint8).reshape(len(texts), 32)
+            found = bytes.fromhex(text.tobytes().decode("ascii"))
+            return np.frombuffer(found, np.uint8).reshape(len(text), -1)
         except ValueError:
             raise self._damaged("checksum", start) from None
 

@@ -22,6 +22,8 @@ ABSENT = 2**64 - 1
 _CHECKSUM_BYTES = 4
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 VLEN = VLenUTF8()
+_COUNT_BYTES = 4
+"""Bytes of the number of words of a chunk, and of each word's number of bytes."""
 MOST_BYTES = 64 * 2**20
 """Largest content of a chunk of words that is decoded."""
 MOST_BYTES_OF_A_WORD = 2**20
@@ -46,6 +48,32 @@ def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
         raise ValueError(f"a chunk of another number of words than {count}")
     words: NDArray[Any] = VLEN.decode(content)
     return words.reshape(shape).astype(np.dtypes.StringDType())
+
+
+def unpack_equal_words(data: bytes, count: int, width: int) -> NDArray[np.uint8]:
+    """Return the bytes of a chunk of ``count`` words, (count, width); zeros for empty words.
+
+    It is quicker than ``unpack_words`` if no word is empty.
+
+    Raises:
+        ValueError: if a word that is not empty has another number of bytes than ``width``.
+    """
+    size = content_size(data)
+    if size is None or size > _COUNT_BYTES + count * (_COUNT_BYTES + width):
+        raise ValueError(f"a chunk of {size or 'unknown'} bytes, valid: {count} words of {width}")
+    content = zstd.decompress(data)
+    if int.from_bytes(content[:_COUNT_BYTES], "little") != count:
+        raise ValueError(f"a chunk of another number of words than {count}")
+    out = np.zeros((count, width), np.uint8)
+    if len(content) == _COUNT_BYTES + count * (_COUNT_BYTES + width):
+        table = np.frombuffer(content, np.uint8, offset=_COUNT_BYTES).reshape(count, -1)
+        if (table[:, :_COUNT_BYTES].copy().view("<u4") == width).all():
+            out[...] = table[:, _COUNT_BYTES:]
+            return out
+    for row, word in zip(out, VLEN.decode(content), strict=True):
+        if word:
+            row[...] = np.frombuffer(word.encode(), np.uint8)
+    return out
 
 
 class ShardFile:
