@@ -24,7 +24,7 @@ from grasp_factory.cli.import_data import import_
 from grasp_factory.cli.index import index
 from grasp_factory.cli.info import info
 from grasp_factory.cli.listings import cameras, objects, policies, robots, sensors
-from grasp_factory.cli.merge import merge, split
+from grasp_factory.cli.merge import merge, pack, split
 from grasp_factory.cli.params import Commands
 from grasp_factory.cli.pictures import plot, preview, sheet
 from grasp_factory.cli.query import query
@@ -52,7 +52,16 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     ),
     "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),
     "Search and annotate episodes": (index, query, tag, tags),
-    "Check, change and export a dataset": (verify, repair, sign, relabel, merge, split, export),
+    "Check, change and export a dataset": (
+        verify,
+        repair,
+        sign,
+        relabel,
+        merge,
+        split,
+        pack,
+        export,
+    ),
     "Keep versions of a dataset": (snapshot, log, diff),
     "Use recordings of real robots": (capture, calibrate, import_),
     "Train on a dataset": (train, learning_curve, flywheel),

@@ -7,6 +7,7 @@ outside of the array that is filled.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from typing import Any, Self
 
 import google_crc32c
@@ -113,6 +114,40 @@ class ShardFile:
             raise ValueError(f"a chunk at {offset} of {length} bytes, valid: {self._data_bytes}")
         unpack(os.pread(self._descriptor, length, offset), out)
         return True
+
+    def chunk_lengths(self, chunk_bytes: int) -> NDArray[np.uint64]:
+        """Return the bytes of each chunk that is there, compressed, (K,).
+
+        Raises:
+            ValueError: unless the first K chunks are there, one directly after another from the
+                file's start on, and none is longer than a chunk of ``chunk_bytes`` can be.
+        """
+        index = np.array(self._index, np.uint64)
+        there = int((index != ABSENT).any(axis=1).sum())
+        start, length = index[:there, 0], index[:there, 1]
+        is_bounded = not there or int(length.max()) <= _most_compressed(chunk_bytes)
+        ends = np.cumsum(length) if is_bounded else length
+        if (
+            not is_bounded
+            or (index[there:] != ABSENT).any()
+            or (start != ends - length).any()
+            or (int(ends[-1]) if there else 0) != self._data_bytes
+        ):
+            raise ValueError("a shard whose chunks do not follow one another")
+        return length
+
+    def parts(self, size: int) -> Iterator[bytes]:
+        """Yield the bytes of all chunks, in parts of up to ``size``.
+
+        Raises:
+            ValueError: if the file has become shorter.
+        """
+        for start in range(0, self._data_bytes, size):
+            length = min(size, self._data_bytes - start)
+            part = os.pread(self._descriptor, length, start)
+            if len(part) != length:
+                raise ValueError("a shard that has become shorter")
+            yield part
 
     def _read_index(self, chunks: int) -> list[list[int]]:
         length = 16 * chunks + _CHECKSUM_BYTES
