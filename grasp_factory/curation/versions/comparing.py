@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.curation.versions.difference import Difference, Rows
+from grasp_factory.curation.merge.union import Integers
+from grasp_factory.curation.versions.difference import Difference, RowNames
 from grasp_factory.dataset.snapshots import StoreContents, Version, segments
 from grasp_factory.dataset.snapshots.segments import ROW
 from grasp_factory.errors import StoreError, shown
 from grasp_factory.writers.zarr.writer import COMMITTED
 
-Integers = NDArray[np.int64]
 _MOST_SETTINGS = 50
 
 
@@ -32,7 +32,7 @@ class _Side:
     def __getitem__(self, chosen: Any) -> _Side:
         return _Side(self.version, self.number[chosen], self.row[chosen])
 
-    def names(self) -> Rows:
+    def names(self) -> RowNames:
         """Return number, seed and index of each row."""
         return np.stack([self.number, self.row["seed"], self.row["index"]], axis=1)
 

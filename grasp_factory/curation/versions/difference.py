@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Rows = NDArray[np.int64]
+RowNames = NDArray[np.int64]
 """(K, 3): the number in its store, the recipe's seed and the recipe's index of each row."""
 
 
@@ -20,12 +20,12 @@ class Difference:
     a: str
     b: str
     """Names of the versions."""
-    added: Rows
-    """Rows that only B has, with their numbers in B."""
-    removed: Rows
-    """Rows that only A has, with their numbers in A."""
-    changed: Rows
-    """Rows that both have, with another content or status, and their numbers in B."""
+    added: RowNames
+    """RowNames that only B has, with their numbers in B."""
+    removed: RowNames
+    """RowNames that only A has, with their numbers in A."""
+    changed: RowNames
+    """RowNames that both have, with another content or status, and their numbers in B."""
     unchanged: int
     arrays: Mapping[str, int] | None
     """By path: in how many changed rows that are committed in both versions an array is another

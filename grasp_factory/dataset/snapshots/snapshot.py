@@ -141,7 +141,7 @@ def snapshot_of(data: bytes, where: object) -> Snapshot:
     """Return the snapshot of a file.
 
     Raises:
-        StoreError: if it is none.
+        StoreError: if it has another content.
     """
     try:
         return from_plain(Snapshot, parsed(data))

@@ -60,7 +60,7 @@ class SnapshotFolder:
         """Return the ids of all snapshots, sorted.
 
         Raises:
-            StoreError: if the folder cannot be read, or is none.
+            StoreError: if the folder cannot be read, or is a file.
             LimitError: if they are too many.
         """
         try:
