@@ -27,6 +27,7 @@ from grasp_factory.cli.listings import cameras, objects, policies, robots, senso
 from grasp_factory.cli.merge import merge, pack, split
 from grasp_factory.cli.params import Commands
 from grasp_factory.cli.pictures import plot, preview, sheet
+from grasp_factory.cli.provenance import provenance
 from grasp_factory.cli.query import query
 from grasp_factory.cli.relabel import relabel
 from grasp_factory.cli.repair import repair
@@ -62,7 +63,7 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
         pack,
         export,
     ),
-    "Keep versions of a dataset": (snapshot, log, diff),
+    "Keep versions of a dataset": (snapshot, log, diff, provenance),
     "Use recordings of real robots": (capture, calibrate, import_),
     "Train on a dataset": (train, learning_curve, flywheel),
 }

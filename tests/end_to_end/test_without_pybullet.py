@@ -56,6 +56,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "pack": ("tiny.zarr packed.zarr --shard 64",),
     "snapshot": ("tiny.zarr -m first",),
     "log": ("tiny.zarr",),
+    "provenance": ("tiny.zarr", "exported"),
     "diff": ("tiny.zarr panda.zarr --arrays",),
     "export": ("--list", "tiny.zarr out --to sequences"),
     "import": ("drive.bag --list", "drive.bag out --to sequences", "exported again.zarr"),

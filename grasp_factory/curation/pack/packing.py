@@ -21,6 +21,7 @@ from grasp_factory.curation.merge.staged_store import StagedStore
 from grasp_factory.curation.merge.union import RowPlan
 from grasp_factory.curation.pack.block_joining import BlockJoiner
 from grasp_factory.curation.pack.source_layout import PackSource, is_same_content
+from grasp_factory.curation.versions.origin import states_of, write_origin
 from grasp_factory.dataset.annotations import carry
 from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
 from grasp_factory.errors import StoreError, StoreMismatchError, UsageError
@@ -85,7 +86,7 @@ def pack_store(
     plan = _plan(source)
     labels, _ = carried_labels([source.store], plan)
     blocks = -(-source.length // block_size)
-    resumed = 0
+    states, resumed = states_of([source.store.path]), 0
     with place.resuming() as aside:
         _prepare(source, aside, config)
         finished = _finished(source, aside, block_size)
@@ -103,6 +104,7 @@ def pack_store(
         if not is_same_content(aside, source.store.status, source.checksums):
             raise StoreError(f"{out}: read back after writing, rows differ; nothing is published")
         _add_beside_rows(source, aside, plan, labels)
+    write_origin(out, "pack", states)
     return Packed(
         path=str(out),
         rows=source.length,

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.curation.merge.union import Integers
 from grasp_factory.curation.versions.difference import Difference, RowNames
 from grasp_factory.dataset.snapshots import StoreContents, Version, segments
 from grasp_factory.dataset.snapshots.segments import ROW
 from grasp_factory.errors import StoreError, shown
 from grasp_factory.writers.zarr.writer import COMMITTED
 
+_Integers = NDArray[np.int64]
 _MOST_SETTINGS = 50
 
 
@@ -24,7 +24,7 @@ class _Side:
     """The rows of a version that the other one may not have: present rows of other segments."""
 
     version: Version
-    number: Integers
+    number: _Integers
     """(K,): their numbers."""
     row: NDArray[np.void]
     """(K,) of ``ROW``."""
@@ -91,7 +91,7 @@ def _side(version: Version, without: Sequence[int]) -> _Side:
     return side if there.all() else side[there]
 
 
-def _common(a: _Side, b: _Side) -> tuple[Integers, Integers]:
+def _common(a: _Side, b: _Side) -> tuple[_Integers, _Integers]:
     """Return the places, in each side, of the episodes that both have; in the same order."""
     keys = _keys(a.row, b.row)
     first = min(map(len, keys))
@@ -106,7 +106,7 @@ def _common(a: _Side, b: _Side) -> tuple[Integers, Integers]:
     return of_a[order], of_b[order]
 
 
-def _keys(a: NDArray[np.void], b: NDArray[np.void]) -> tuple[Integers, Integers]:
+def _keys(a: NDArray[np.void], b: NDArray[np.void]) -> tuple[_Integers, _Integers]:
     """Return a number for each row of both; equal numbers are equal seeds and indices."""
     seed, index = (np.concatenate([a[key], b[key]]) for key in ("seed", "index"))
     if (seed != seed[:1]).any():

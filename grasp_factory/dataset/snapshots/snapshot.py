@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -79,8 +79,13 @@ class StoreContents:
             _check_sha256("embedded", name)
 
     @property
+    def rows_sha256(self) -> str:
+        """The SHA-256 that names recipe, status and checksum of every row."""
+        return named_rows(self.rows, self.segments)
+
+    @property
     def sha256(self) -> str:
-        """The SHA-256 that names the content."""
+        """The SHA-256 that names all of it, also settings, labels and annotations."""
         return hashlib.sha256(canonical(to_plain(self))).hexdigest()
 
 
@@ -130,6 +135,12 @@ class Snapshot:
     def id(self) -> str:
         """The SHA-256 of the snapshot's file."""
         return hashlib.sha256(self.to_bytes()).hexdigest()
+
+
+def named_rows(rows: int, names: Sequence[str]) -> str:
+    """Return the SHA-256 that names the rows of segments with these names."""
+    plain = {"rows": rows, "segments": list(names)}
+    return hashlib.sha256(canonical(plain)).hexdigest()
 
 
 def canonical(plain: Any) -> bytes:

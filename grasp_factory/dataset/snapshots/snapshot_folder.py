@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import heapq
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 from grasp_factory.core.atomic_file import PARTIAL
@@ -208,12 +208,6 @@ class SegmentWriter:
 def latest(history: Iterable[tuple[str, Snapshot]]) -> str | None:
     """Return the id of the newest snapshot of a history; None if it is empty."""
     return next((name for name, _ in history), None)
-
-
-def snapshot_with(folder: SnapshotFolder, contents_sha256: str) -> str | None:
-    """Return the id of the newest snapshot with a content; None if there is none."""
-    found: Mapping[str, Snapshot] = dict(folder.history())
-    return next((n for n, s in found.items() if s.contents.sha256 == contents_sha256), None)
 
 
 class _Newest:

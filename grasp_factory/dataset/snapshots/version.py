@@ -15,7 +15,13 @@ from grasp_factory.core.limits import LOG
 from grasp_factory.dataset.annotations.log_file import log_file
 from grasp_factory.dataset.snapshots import segments
 from grasp_factory.dataset.snapshots.segments import DIGEST, ROW, decoded_rows, span
-from grasp_factory.dataset.snapshots.snapshot import LabelState, LogState, Snapshot, StoreContents
+from grasp_factory.dataset.snapshots.snapshot import (
+    LabelState,
+    LogState,
+    Snapshot,
+    StoreContents,
+    named_rows,
+)
 from grasp_factory.dataset.snapshots.snapshot_folder import SHORT, SnapshotFolder
 from grasp_factory.dataset.snapshots.state_columns import StateColumns
 from grasp_factory.errors import StoreError
@@ -132,6 +138,19 @@ class PresentVersion(Version):
             labels=_labels(path),
             embedded=_embedded(path),
         )
+
+
+def rows_sha256(path: Path) -> str:
+    """Return the SHA-256 that names the rows of a store; see ``StoreContents.rows_sha256``.
+
+    Raises:
+        StoreMismatchError: if there is no store.
+        StoreError: if its columns are damaged.
+    """
+    columns = StateColumns(path)
+    spans = (span(k, columns.length) for k in range(segments.count(columns.length)))
+    names = [segments.name_of(columns.rows(*rows).tobytes()) for rows in spans]
+    return named_rows(columns.length, names)
 
 
 def log_bytes(path: Path) -> bytes:
