@@ -25,15 +25,17 @@ from grasp_factory.cli.import_data import import_
 from grasp_factory.cli.index import index
 from grasp_factory.cli.info import info
 from grasp_factory.cli.listings import cameras, objects, policies, robots, sensors
-from grasp_factory.cli.merge import merge, split
+from grasp_factory.cli.merge import merge, pack, split
 from grasp_factory.cli.params import Commands
 from grasp_factory.cli.pictures import plot, preview, sheet
+from grasp_factory.cli.provenance import provenance
 from grasp_factory.cli.query import query
 from grasp_factory.cli.relabel import relabel
 from grasp_factory.cli.repair import repair
 from grasp_factory.cli.replay import replay
 from grasp_factory.cli.rerun import rerun_
 from grasp_factory.cli.sign import sign
+from grasp_factory.cli.snapshot import diff, log, snapshot
 from grasp_factory.cli.tag import tag, tags
 from grasp_factory.cli.train import learning_curve, train
 from grasp_factory.cli.verify import verify
@@ -53,7 +55,17 @@ COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     ),
     "View a dataset": (info, sheet, plot, browse, replay, rerun_, card),
     "Search and annotate episodes": (index, query, tag, tags),
-    "Check, change and export a dataset": (verify, repair, sign, relabel, merge, split, export),
+    "Check, change and export a dataset": (
+        verify,
+        repair,
+        sign,
+        relabel,
+        merge,
+        split,
+        pack,
+        export,
+    ),
+    "Keep versions of a dataset": (snapshot, log, diff, provenance),
     "Use recordings of real robots": (capture, calibrate, import_),
     "Train on a dataset": (train, learning_curve, flywheel),
 }

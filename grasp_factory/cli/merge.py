@@ -1,4 +1,4 @@
-"""The commands that merge stores and split them: ``merge`` and ``split``."""
+"""The commands that copy stores to others: ``merge``, ``split`` and ``pack``."""
 
 # ruff: noqa: PLC0415
 
@@ -82,6 +82,45 @@ def split(path: Path, out: Path, *, as_json: bool, **options: Any) -> None:
     with counted("on_row") as hooks:
         result = run(path, out, chosen, **hooks)
     _print(result, as_json)
+
+
+@click.command(
+    cls=Command,
+    examples=(
+        "grasp-factory pack grasps.zarr packed.zarr --shard 512",
+        "grasp-factory verify packed.zarr",
+    ),
+)
+@STORE
+@OUT
+@option(
+    "--shard",
+    metavar="N",
+    type=int,
+    default=512,
+    show_default=True,
+    help="Episodes of a file: a multiple of the store's block size, up to 1024.",
+)
+@AS_JSON
+def pack(path: Path, out: Path, *, shard: int, as_json: bool) -> None:
+    """Copy a store to one with larger and fewer files.
+
+    The new store has the bytes of a store that was made with `--set block_size=N`. OUT must not
+    exist; it appears when it is complete. A run that ends early goes on with the same command.
+    """
+    from grasp_factory.cli.bars import counted
+    from grasp_factory.core.text_format import count
+    from grasp_factory.curation.pack import pack_store
+
+    with counted("on_row") as hooks:
+        result = pack_store(path, out, shard, **hooks)
+    if as_json:
+        print_json(result)
+        return
+    text = f"{result.path}: {count(result.rows, 'row')} in {count(result.blocks, 'block')}"
+    if result.resumed:
+        text += f"; {result.resumed} of them were finished before"
+    say(text)
 
 
 def _print(result: Collected, as_json: bool) -> None:

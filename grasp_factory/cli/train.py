@@ -255,7 +255,12 @@ def _about(
 
 
 def _named(path: Path, dataset: Any) -> dict[str, str]:
-    return {"path": str(path), "config_sha256": dataset.config.sha256()}
+    from grasp_factory.curation.versions.origin import states_of
+
+    named = {"path": str(path), "config_sha256": dataset.config.sha256()}
+    for state in states_of([path]):
+        named |= {"rows_sha256": state.rows_sha256, "snapshot": state.snapshot}
+    return named
 
 
 def _new_folder(out: Path) -> None:

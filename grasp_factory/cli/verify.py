@@ -37,6 +37,7 @@ WORKERS = option(
         "grasp-factory verify grasps.zarr",
         "grasp-factory verify grasps.zarr --deep 20 --deep-seed 0",
         "grasp-factory verify grasps.zarr --signed-by id_ed25519.pub",
+        "grasp-factory verify grasps.zarr --snapshot 3fa9c1",
         "grasp-factory verify grasps.zarr --workers 4 --json",
     ),
 )
@@ -61,6 +62,12 @@ WORKERS = option(
     type=click.Path(path_type=Path),
     help="Also check that the owner of this public SSH key has signed every file.",
 )
+@option(
+    "--snapshot",
+    "snapshot_id",
+    metavar="ID",
+    help="Also check that all rows are as in this snapshot; the first digits are enough.",
+)
 @options(*plugin_options())
 @WORKERS
 @AS_JSON
@@ -72,6 +79,7 @@ def verify(
     deep: int,
     deep_seed: int | None,
     signed_by: Path | None,
+    snapshot_id: str | None,
     plugins: tuple[Path, ...],
     trust: bool,
     workers: int,
@@ -86,6 +94,7 @@ def verify(
     from grasp_factory.cli.bars import counted
     from grasp_factory.curation.signing import check_signature
     from grasp_factory.curation.verify import verify as run
+    from grasp_factory.curation.versions import check_snapshot
 
     if deep:
         allow_plugins(path, plugins, trust=trust)
@@ -94,6 +103,8 @@ def verify(
     if signed_by is not None:
         with counted("on_file", "file") as hooks:
             report = report.with_signature(check_signature(path, signed_by, **hooks), signed_by)
+    if snapshot_id is not None:
+        report = report.with_snapshot(check_snapshot(path, snapshot_id))
     if as_json:
         print_json(to_plain(report) | {"is_whole": report.is_whole})
     else:

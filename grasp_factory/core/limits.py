@@ -71,6 +71,8 @@ SOURCE = Limit("source", 256 * 2**10, "the source of a plugin", source="file")
 SEGMENT = Limit("segment", 256 * 2**20, "a column of a packed segment")
 MESH = Limit("triangles", 50_000, "an object's number of triangles", is_count=True)
 LOG = Limit("log", 8 * 2**20, "a log")
+SNAPSHOT_FILE = Limit("snapshot-file", 16 * 2**20, "a segment of a snapshot")
+SNAPSHOTS = Limit("snapshots", 10_000, "a number of snapshots", is_count=True)
 SIGNED = Limit("signed", 128 * 2**20, "a list of signed files")
 DEPTH = Limit("depth", 32, "a depth of folders", is_count=True)
 ROWS = Limit("rows", 1_000_000, "a number of rows", is_count=True)
@@ -104,6 +106,8 @@ LIMITS = {
         SEGMENT,
         MESH,
         LOG,
+        SNAPSHOT_FILE,
+        SNAPSHOTS,
         SIGNED,
         DEPTH,
         ROWS,

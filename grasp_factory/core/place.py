@@ -104,7 +104,7 @@ class Place:
         """Return the content of a file in a directory, as ``read_bytes`` of its place."""
         descriptor, size = self.open_file(name)
         try:
-            limit.check(size, self / name)
+            limit.check(size, self / name if size > limit.usual else self)
             return read_part(descriptor, size)
         finally:
             os.close(descriptor)

@@ -16,6 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory import __version__
+from grasp_factory.core.limits import LOG
+from grasp_factory.core.own_copy import make_own
+from grasp_factory.core.place import place_at
 from grasp_factory.core.regular_file import open_regular
 from grasp_factory.errors import GraspFactoryWarning, IrregularFileError, StoreMismatchError
 from grasp_factory.factory.run_request import Request
@@ -51,6 +54,7 @@ class RunLog:
         """
         self._is_new = not os.path.lexists(self.path)
         try:
+            make_own(place_at(self.path), LOG)
             descriptor = open_regular(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT)
             self._file = open(descriptor, "ab+", buffering=0)
         except IrregularFileError as error:

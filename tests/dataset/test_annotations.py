@@ -1208,3 +1208,33 @@ class TestTheCommands:
         code, out, said = run("tags", store, "--json")
         assert (code, len(json.loads(out))) == (0, 1)
         assert said == "warning: annotations/log.jsonl, line 2 has no checksum\n"
+
+
+def test_a_log_with_a_second_name_is_written_aside(store: Path, tmp_path: Path) -> None:
+    """A tool that keeps versions may link a store's files into its cache, read-only."""
+    AnnotationLog(store).append("ann", [0], [("tag", "odd")])
+    cache = tmp_path / "cache"
+    os.link(log_of(store), cache)
+    cache.chmod(0o444)
+    before = cache.read_bytes()
+    AnnotationLog(store).append("ann", [1], [("tag", "low")])
+    assert cache.read_bytes() == before
+    assert log_of(store).read_bytes().startswith(before)
+    assert log_of(store).stat().st_nlink == cache.stat().st_nlink == 1
+    assert set(AnnotationLog(store).annotations()) == {0, 1}
+
+
+def test_of_appenders_to_a_log_with_a_second_name_none_loses_a_line(
+    store: Path, tmp_path: Path
+) -> None:
+    AnnotationLog(store).append("ann", [0], [("tag", "first")])
+    os.link(log_of(store), tmp_path / "cache")
+
+    def append(k: int) -> None:
+        AnnotationLog(store).append("ann", [k % 4], [("tag", f"t{k}")])
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(append, range(24)))
+    assert len(AnnotationLog(store).changes()) == 25
+    assert AnnotationLog(store).damaged() == []
+    assert len((tmp_path / "cache").read_bytes().splitlines()) == 1

@@ -131,9 +131,7 @@ def test_shards_make_the_store_together(here: Path) -> None:
         done = make(here, "s.zarr", *MINE, "--shard", f"{k}/2")
         assert done.returncode == 0, done.stderr
     assert command(here, "verify", "s.zarr").returncode == 0
-    checksums = [
-        list(Dataset(here / name).column("checksum")) for name in ("a.zarr", "s.zarr")
-    ]
+    checksums = [list(Dataset(here / name).column("checksum")) for name in ("a.zarr", "s.zarr")]
     assert checksums[0] == checksums[1]
 
 

@@ -18,6 +18,7 @@ from grasp_factory.apps.learning.training import Trained, TrainSettings, fit
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.serialization import check, to_plain
 from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.snapshots.version import rows_sha256
 from grasp_factory.errors import ConfigError, UsageError, lookup
 from grasp_factory.policies.networks import KINDS, TOUCH, WIDTH, TouchWindow
 from grasp_factory.signals.grasp_crop import CropShape
@@ -210,6 +211,7 @@ def train_on(
     facts: dict[str, Any] = {
         "grasp_factory": __version__,
         "config_sha256": dataset.config.sha256(),
+        "rows_sha256": rows_sha256(dataset.path),
         "train_episodes": len(splits.train),
         "settings": to_plain(course.settings),
     }

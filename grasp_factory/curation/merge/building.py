@@ -83,7 +83,7 @@ def build(
     first, plan = order.base, order.plan
     labels, left_out = carried_labels(order.sources, plan)
     check_annotations(order.sources)
-    carried = {name: _carried(order.sources, name) for name in embedded_in(first.config)}
+    carried = {name: carried_data(order.sources, name) for name in embedded_in(first.config)}
     statuses = _statuses(order)
     with order.place.building() as aside:
         create_store(
@@ -141,7 +141,7 @@ def _statuses(order: Order) -> NDArray[np.uint8]:
     return statuses
 
 
-def _carried(sources: Sequence[SourceStore], name: str) -> bytes:
+def carried_data(sources: Sequence[SourceStore], name: str) -> bytes:
     """Return the embedded data at a path, from the first store with an undamaged copy."""
     for source in sources:
         try:

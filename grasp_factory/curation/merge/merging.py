@@ -18,6 +18,7 @@ from grasp_factory.curation.merge.result import Collected
 from grasp_factory.curation.merge.source_store import SourceStore
 from grasp_factory.curation.merge.staged_store import StagedStore
 from grasp_factory.curation.merge.union import in_place, union
+from grasp_factory.curation.versions.origin import states_of, write_origin
 from grasp_factory.errors import StoreMismatchError, UsageError
 
 
@@ -72,7 +73,10 @@ def merge(
         repeats=found.repeats,
         warnings=(*of_platforms, *_warnings(sources)),
     )
-    return build(order, on_start, on_row)
+    states = states_of(source.path for source in sources)
+    result = build(order, on_start, on_row)
+    write_origin(out, "merge", states)
+    return result
 
 
 def _open(stores: Iterable[Path | str]) -> list[SourceStore]:

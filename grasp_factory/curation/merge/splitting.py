@@ -15,6 +15,7 @@ from grasp_factory.curation.merge.result import Collected
 from grasp_factory.curation.merge.source_store import SourceStore
 from grasp_factory.curation.merge.staged_store import StagedStore
 from grasp_factory.curation.merge.union import RowPlan
+from grasp_factory.curation.versions.origin import states_of, write_origin
 from grasp_factory.errors import UsageError, shown
 
 
@@ -57,7 +58,10 @@ def split(
         repeats=(plan[:0], plan[:0]),
         is_plain=False,
     )
-    return build(order, on_start, on_row)
+    states = states_of([source.path])
+    result = build(order, on_start, on_row)
+    write_origin(out, "split", states)
+    return result
 
 
 def _checked(source: SourceStore, indices: Iterable[int]) -> NDArray[np.int64]:

@@ -23,15 +23,19 @@ class StagedStore:
         path: the path that the user passed.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, suffix: str = _SUFFIX) -> None:
         """Check that ``path`` is free, and change nothing.
+
+        Args:
+            path: where the store shall be.
+            suffix: the end of the name of the folder in which it is built.
 
         Raises:
             StoreMismatchError: if something is there, unless a killed run has left it.
         """
         self.path = Path(path)
         with self._naming():
-            self._staging = StagingFolder(place_at(locate(self.path)), _SUFFIX)
+            self._staging = StagingFolder(place_at(locate(self.path)), suffix)
             self._check_free()
 
     def check_apart(self, stores: Iterable[Path]) -> None:
@@ -64,6 +68,17 @@ class StagedStore:
         with StoreLock(self.path), self._naming():
             self._check_free()
             with self._staging.building() as folder:
+                yield folder.path
+
+    @contextlib.contextmanager
+    def resuming(self) -> Iterator[Path]:
+        """Yield the folder of a store, which may hold a part of it; else as ``building``.
+
+        After an error it stays, so that the same command goes on.
+        """
+        with StoreLock(self.path), self._naming():
+            self._check_free()
+            with self._staging.resuming() as folder:
                 yield folder.path
 
     def _check_free(self) -> None:

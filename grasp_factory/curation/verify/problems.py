@@ -7,6 +7,8 @@ from pathlib import Path
 
 from grasp_factory.core.text_format import count
 from grasp_factory.curation.signing import FOLDER, SignatureReport
+from grasp_factory.curation.versions.agreement import SnapshotReport
+from grasp_factory.dataset.snapshots.snapshot_folder import SHORT
 
 REPAIR = "run grasp-factory repair"
 """Advice for data that can be rebuilt."""
@@ -14,6 +16,8 @@ GENERATE = "run its generate command again, or grasp-factory repair"
 """Advice for rows that are missing."""
 ASK = "get the store from its maker again, or ask for a new signature"
 """Advice for a store that is not as it was signed."""
+LOOK = "grasp-factory diff says more"
+"""Advice for a store that is not as in a snapshot."""
 Fault = tuple[str, str]
 """Path of an array of an episode, and what is wrong with it."""
 
@@ -68,3 +72,13 @@ class VerifyReport:
         note = f"{count(found.files, 'file')} as the owner of {key} signed them"
         notes = (*self.notes, note) if found.files else self.notes
         return replace(self, problems=(*self.problems, *problems), notes=notes)
+
+    def with_snapshot(self, found: SnapshotReport) -> VerifyReport:
+        """Return the report with what a snapshot says of the store."""
+        problems = [
+            Problem(episode=row, array="", what=what, advice=LOOK) for row, what in found.problems
+        ]
+        notes = [*self.notes, *found.notes]
+        if not problems:
+            notes.append(f"all rows of snapshot {found.id[:SHORT]} are as they were")
+        return replace(self, problems=(*self.problems, *problems), notes=tuple(notes))

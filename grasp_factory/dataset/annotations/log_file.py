@@ -12,6 +12,7 @@ from pathlib import Path
 
 from grasp_factory.core.limits import LOG
 from grasp_factory.core.locked_file import open_locked
+from grasp_factory.core.own_copy import make_own
 from grasp_factory.core.place import Place, fsync_places, place_of
 from grasp_factory.core.regular_file import check_regular
 from grasp_factory.dataset.annotations.lines import decode
@@ -160,6 +161,7 @@ def _take(log: Place) -> int:
     check = partial(check_regular, file=log.path, is_written=True)
     while True:
         try:
+            make_own(log, LOG)
             with log.above() as (folder, name):
                 return open_locked(
                     Path(name), flags=os.O_APPEND, mode=0o666, check=check, folder=folder

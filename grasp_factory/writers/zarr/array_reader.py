@@ -22,7 +22,7 @@ from zarr.core.metadata import ArrayV3Metadata
 
 from grasp_factory.core.limits import CHUNK
 from grasp_factory.errors import RefusedFileError, StoreError
-from grasp_factory.writers.zarr.chunks import ShardFile, unpack, unpack_words
+from grasp_factory.writers.zarr.chunks import ShardFile, unpack, unpack_equal_words, unpack_words
 from grasp_factory.writers.zarr.header import first_line, place_in, read_array
 
 
@@ -208,6 +208,26 @@ class ColumnFiles(_OurFiles):
             whole = np.empty(self._chunk, self._dtype)
             unpack(data, whole)
         out[...] = whole[first : first + len(out)]
+
+    def read_equal_words(self, start: int, stop: int, width: int) -> NDArray[np.uint8]:
+        """Return the bytes of words of a column, (stop - start, width); zeros for empty words.
+
+        Raises:
+            StoreError: naming the rows, if they are damaged, or have words of another length.
+        """
+        size, count = self._file_rows, self._chunk[0]
+        out = np.zeros((stop - start, width), np.uint8)
+        for file in range(start // size, -(-stop // size)):
+            first, last = max(start, file * size), min(stop, (file + 1) * size)
+            try:
+                data = self._folder.read_file(self._name(file), CHUNK)
+                words = unpack_equal_words(data, count, width)
+            except FileNotFoundError:
+                continue
+            except Exception as error:
+                raise self._named(error, first, last) from None
+            out[first - start : last - start] = words[first - file * size : last - file * size]
+        return out
 
 
 class ShardFiles(_OurFiles):

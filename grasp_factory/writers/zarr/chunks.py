@@ -7,6 +7,7 @@ outside of the array that is filled.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from typing import Any, Self
 
 import google_crc32c
@@ -22,6 +23,8 @@ ABSENT = 2**64 - 1
 _CHECKSUM_BYTES = 4
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 VLEN = VLenUTF8()
+_COUNT_BYTES = 4
+"""Bytes of the number of words of a chunk, and of each word's number of bytes."""
 MOST_BYTES = 64 * 2**20
 """Largest content of a chunk of words that is decoded."""
 MOST_BYTES_OF_A_WORD = 2**20
@@ -46,6 +49,32 @@ def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
         raise ValueError(f"a chunk of another number of words than {count}")
     words: NDArray[Any] = VLEN.decode(content)
     return words.reshape(shape).astype(np.dtypes.StringDType())
+
+
+def unpack_equal_words(data: bytes, count: int, width: int) -> NDArray[np.uint8]:
+    """Return the bytes of a chunk of ``count`` words, (count, width); zeros for empty words.
+
+    It is quicker than ``unpack_words`` if no word is empty.
+
+    Raises:
+        ValueError: if a word that is not empty has another number of bytes than ``width``.
+    """
+    size = content_size(data)
+    if size is None or size > _COUNT_BYTES + count * (_COUNT_BYTES + width):
+        raise ValueError(f"a chunk of {size or 'unknown'} bytes, valid: {count} words of {width}")
+    content = zstd.decompress(data)
+    if int.from_bytes(content[:_COUNT_BYTES], "little") != count:
+        raise ValueError(f"a chunk of another number of words than {count}")
+    out = np.zeros((count, width), np.uint8)
+    if len(content) == _COUNT_BYTES + count * (_COUNT_BYTES + width):
+        table = np.frombuffer(content, np.uint8, offset=_COUNT_BYTES).reshape(count, -1)
+        if (table[:, :_COUNT_BYTES].copy().view("<u4") == width).all():
+            out[...] = table[:, _COUNT_BYTES:]
+            return out
+    for row, word in zip(out, VLEN.decode(content), strict=True):
+        if word:
+            row[...] = np.frombuffer(word.encode(), np.uint8)
+    return out
 
 
 class ShardFile:
@@ -85,6 +114,40 @@ class ShardFile:
             raise ValueError(f"a chunk at {offset} of {length} bytes, valid: {self._data_bytes}")
         unpack(os.pread(self._descriptor, length, offset), out)
         return True
+
+    def chunk_lengths(self, chunk_bytes: int) -> NDArray[np.uint64]:
+        """Return the bytes of each chunk that is there, compressed, (K,).
+
+        Raises:
+            ValueError: unless the first K chunks are there, one directly after another from the
+                file's start on, and none is longer than a chunk of ``chunk_bytes`` can be.
+        """
+        index = np.array(self._index, np.uint64)
+        there = int((index != ABSENT).any(axis=1).sum())
+        start, length = index[:there, 0], index[:there, 1]
+        is_bounded = not there or int(length.max()) <= _most_compressed(chunk_bytes)
+        ends = np.cumsum(length) if is_bounded else length
+        if (
+            not is_bounded
+            or (index[there:] != ABSENT).any()
+            or (start != ends - length).any()
+            or (int(ends[-1]) if there else 0) != self._data_bytes
+        ):
+            raise ValueError("a shard whose chunks do not follow one another")
+        return length
+
+    def parts(self, size: int) -> Iterator[bytes]:
+        """Yield the bytes of all chunks, in parts of up to ``size``.
+
+        Raises:
+            ValueError: if the file has become shorter.
+        """
+        for start in range(0, self._data_bytes, size):
+            length = min(size, self._data_bytes - start)
+            part = os.pread(self._descriptor, length, start)
+            if len(part) != length:
+                raise ValueError("a shard that has become shorter")
+            yield part
 
     def _read_index(self, chunks: int) -> list[list[int]]:
         length = 16 * chunks + _CHECKSUM_BYTES

@@ -23,6 +23,8 @@ from grasp_factory.writers.zarr.field_arrays import open_arrays
 from grasp_factory.writers.zarr.header import open_store
 from grasp_factory.writers.zarr.layout import MOST_DIGITS
 
+_BLOCKS_AT_ONCE = 64
+
 
 class Columns:
     """The columns of a store, which may grow by blocks while it is read.
@@ -127,11 +129,20 @@ class Columns:
         return np.full((self.length, *whole.shape[1:]), whole.fill_value, whole.dtype)
 
     def _together(self, blocks: NDArray[np.intp], names: Sequence[str]) -> Iterator[list[int]]:
-        """Yield the blocks that share a file, so that each file is read only once or twice."""
+        """Yield the blocks that are read together.
+
+        These are blocks that share a file, so that each file is read only once or twice, or blocks
+        that follow one another.
+        """
         arrays = [self._arrays[f"episodes/{name}"].zarr for name in names]
         rows = max(((array.shards or array.chunks)[0] for array in arrays), default=1)
-        for group in by_block(blocks * self.config.block_size, rows):
-            yield blocks[group].tolist()
+        if rows > self.config.block_size:
+            for group in by_block(blocks * self.config.block_size, rows):
+                yield blocks[group].tolist()
+            return
+        for run in np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1):
+            for first in range(0, len(run), _BLOCKS_AT_ONCE):
+                yield run[first : first + _BLOCKS_AT_ONCE].tolist()
 
     def read_rows(self, name: str, start: int, stop: int) -> NDArray[Any]:
         """Return some rows of a column, from the blocks' own files.

@@ -113,6 +113,24 @@ class StagingFolder:
                 self.remove_leftovers()
             raise
 
+    @contextlib.contextmanager
+    def resuming(self) -> Iterator[Place]:
+        """Yield the folder, which may hold what a killed process has made in it.
+
+        It is moved to its place when the block succeeds, and stays as it is after an error. Its
+        content must be on the disk by then (fsync).
+
+        Raises:
+            StoreMismatchError: if a file that is not ours is in the way.
+            OSError: if the disk fails.
+        """
+        self.check_leftovers()
+        if self._is_unpublished_inside() and set(self.target.names()) - {self.folder.name}:
+            self.remove_leftovers()  # it was killed while pieces were moved
+        self.folder.mkdir(exist_ok=True)
+        yield self.folder
+        self._publish()
+
     def _is_in_piece(self, file: Place) -> bool:
         """Return whether a file is in the staging folder, or in a piece: they have metadata."""
         first = file.below(self.target).partition("/")[0]

@@ -1,0 +1,154 @@
+"""What a thing was made of, as a tree: a store, a snapshot, an export, a trained model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from grasp_factory.core.json_text import parsed
+from grasp_factory.core.limits import DOCUMENT
+from grasp_factory.core.place import place_at
+from grasp_factory.curation.versions.origin import Origin, StoreState, read_origin, state_of
+from grasp_factory.dataset.snapshots.snapshot_folder import SHORT
+from grasp_factory.errors import StoreError, StoreMismatchError, UsageError, shown
+from grasp_factory.writers.exporters.export_record import RECORD
+from grasp_factory.writers.zarr.header import read_attributes
+from grasp_factory.writers.zarr.label_columns import added_labels
+
+REPORT = "report.json"
+"""File of ``train`` that names the store."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProvenanceNode:
+    """A thing, and what it was made of."""
+
+    text: str
+    made_of: tuple[ProvenanceNode, ...] = field(default_factory=tuple)
+
+    def lines(self, depth: int = 0) -> Iterator[str]:
+        """Yield a line for each thing, those that it was made of indented below it."""
+        yield f"{'  ' * depth}{self.text}"
+        for node in self.made_of:
+            yield from node.lines(depth + 1)
+
+
+def provenance_of(path: Path) -> ProvenanceNode:
+    """Return what a thing was made of.
+
+    Args:
+        path: a store, the folder of an export, or the folder or a model of ``train``.
+
+    Raises:
+        UsageError: if nothing there says what it was made of.
+        StoreError: if that is damaged.
+    """
+    if (path / "zarr.json").is_file():
+        return _of_store(path, set())
+    if (path / RECORD).is_file():
+        return _of_export(path)
+    folder = path.parent if path.suffix == ".safetensors" else path
+    if (folder / REPORT).is_file():
+        return _of_training(folder)
+    if not path.exists():
+        raise StoreMismatchError(f"there is nothing at {path}")
+    valid = "a store, an export, or the folder of a training"
+    raise UsageError(f"{path} does not say what it was made of, valid: {valid}")
+
+
+def _of_store(path: Path, shown_already: set[Path]) -> ProvenanceNode:
+    shown_already.add(path.resolve())
+    state, origin = state_of(path), read_origin(path)
+    nodes = [ProvenanceNode(text=f"labels/{name}, by relabel") for name in added_labels(path)]
+    text = _state_text(state)
+    if origin is None:
+        nodes.append(ProvenanceNode(text=_generated(path)))
+    elif origin.rows_sha256 != state.rows_sha256:
+        nodes.append(
+            ProvenanceNode(text=f"{origin.what}, and rows that were added or changed since")
+        )
+    else:
+        nodes.append(_of_origin(path, origin, shown_already))
+    return ProvenanceNode(text=text, made_of=tuple(nodes))
+
+
+def _of_origin(path: Path, origin: Origin, shown_already: set[Path]) -> ProvenanceNode:
+    """Return the sources of a store; those that are beside it with the same rows, as trees."""
+    nodes = []
+    for source in origin.sources:
+        beside = path.resolve().with_name(source.store)
+        nodes.append(_source(beside, source, shown_already))
+    text = f"{origin.what} by grasp-factory {origin.grasp_factory} of"
+    return ProvenanceNode(text=text, made_of=tuple(nodes))
+
+
+def _source(beside: Path, source: StoreState, shown_already: set[Path]) -> ProvenanceNode:
+    if beside not in shown_already:
+        try:
+            if state_of(beside).rows_sha256 == source.rows_sha256:
+                return _of_store(beside, shown_already)
+        except (StoreError, UsageError):
+            pass  # it is not there any more, or damaged: what was recorded of it stays true
+    return ProvenanceNode(text=_state_text(source))
+
+
+def _state_text(state: StoreState) -> str:
+    text = f"{state.store}: rows {state.rows_sha256[:SHORT]}"
+    return f"{text}, snapshot {state.snapshot[:SHORT]}" if state.snapshot else text
+
+
+def _generated(path: Path) -> str:
+    attributes = read_attributes(path)
+    versions = attributes["versions"]
+    named = ", ".join(
+        f"{name} {shown(versions.get(name))}" for name in ("grasp_factory", "pybullet")
+    )
+    seed, config = shown(attributes.get("seed")), attributes["config_sha256"][:SHORT]
+    return f"generated: config {config}, seed {seed}, {named}"
+
+
+def _of_export(path: Path) -> ProvenanceNode:
+    record = _document(path, RECORD)
+    stores = record.get("stores")
+    nodes = [
+        ProvenanceNode(text=f"{shown(store.get('name'))}: config {_config_of(store)}")
+        for store in (stores if isinstance(stores, list) else [])
+        if isinstance(store, Mapping)
+    ]
+    head = (
+        f"{path}: export as {shown(record.get('format'))}, {shown(record.get('episodes'))} episodes"
+    )
+    return ProvenanceNode(text=f"{head}, each with its checksum; of", made_of=tuple(nodes))
+
+
+def _config_of(store: Mapping[str, Any]) -> str:
+    attributes = store.get("attributes")
+    found = attributes.get("config_sha256") if isinstance(attributes, Mapping) else None
+    return str(found)[:SHORT]
+
+
+def _of_training(folder: Path) -> ProvenanceNode:
+    report = _document(folder, REPORT)
+    nodes = []
+    for key in ("store", "test"):
+        named = report.get(key)
+        if isinstance(named, Mapping):
+            keys = ("config_sha256", "rows_sha256", "snapshot")
+            facts = ", ".join(f"{k.partition('_')[0]} {str(named[k])[:SHORT]}" for k in keys
+                              if named.get(k))  # fmt: skip
+            nodes.append(ProvenanceNode(text=f"{key} {shown(named.get('path'))}: {facts}"))
+    text = f"{folder}: models of grasp-factory {shown(report.get('grasp_factory'))}, trained on"
+    return ProvenanceNode(text=text, made_of=tuple(nodes))
+
+
+def _document(folder: Path, name: str) -> dict[str, Any]:
+    file = place_at(folder.resolve()) / name
+    try:
+        found = parsed(file.read_bytes(DOCUMENT))
+    except (OSError, ValueError) as error:
+        raise StoreError(f"{file} cannot be read: {error}") from None
+    if not isinstance(found, dict):
+        raise StoreError(f"{file} is damaged: it is no mapping")
+    return found
