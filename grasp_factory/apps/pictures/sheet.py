@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.painting import BgrImage
-from grasp_factory.core.enums import label_names
+from grasp_factory.core.enums import label_names, word_of
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.output_file import FileKind, check_out, written_aside
 from grasp_factory.dataset.dataset import Dataset
@@ -145,9 +145,9 @@ def caption(episode: Episode) -> str:
     words = [f"#{spec.index}", spec.objects[0].object_id, spec.policy]
     if lift > WORTH_TELLING:  # false for NaN
         words.append(f"lifted {100 * lift:.1f} cm")
-    if episode.columns["collision_body"]:
-        labels = label_names(len(spec.objects))
-        words.append(f"hit the {labels[int(episode.columns['collision_body'])]}")
+    body = word_of(int(episode.columns["collision_body"]), label_names(len(spec.objects)))
+    if episode.columns["collision_body"] and body:
+        words.append(f"hit the {body}")
     return "   ".join(words)
 
 
