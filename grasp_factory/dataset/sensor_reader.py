@@ -155,7 +155,8 @@ class Readings:
         if SOURCE not in self._fields:
             return matrices
         is_real = self._values(SOURCE, rows) == Source.REAL
-        return matrices[~(is_real & np.isnan(matrices).any(axis=(1, 2)))]
+        is_measured = ~(is_real & np.isnan(matrices).any(axis=(1, 2)))
+        return np.asarray(matrices[is_measured])
 
     def _check_calibrated(self, row: int, cameras: Iterable[str], frame: int) -> None:
         """Check that the cameras' intrinsics and poses were measured.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.painting import BgrImage
-from grasp_factory.core.enums import label_names, word_of
+from grasp_factory.core.enums import UNKNOWN, label_names, word_of
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.output_file import FileKind, check_out, written_aside
 from grasp_factory.dataset.dataset import Dataset
@@ -207,12 +207,17 @@ def _panels(
     pixels = painting.grasp_pixels(episode, frames)
     if pixels is not None:
         painting.put_grasp(before, (pixels + 0.5) * size[0] / frames.rgb.shape[2] - 0.5)
-    return [
-        before,
-        after,
-        _fit(painting.depth_picture(frames.depth[0], *span, far), size),
-        _fit(painting.label_picture(frames.segmentation[0]), size, exact=True),
-    ]
+    depth = _fit(painting.depth_picture(frames.depth[0], *span, far), size)
+    labels = _fit(painting.label_picture(frames.segmentation[0]), size, exact=True)
+    if np.isnan(frames.depth[0]).all():
+        _say_not_measured(depth)
+    if (frames.segmentation[0] == UNKNOWN).all():
+        _say_not_measured(labels)
+    return [before, after, depth, labels]
+
+
+def _say_not_measured(picture: BgrImage) -> None:
+    painting.put_text(picture, "not measured", (GAP, picture.shape[0] // 2), painting.WHITE)
 
 
 def _fit(image: BgrImage, size: tuple[int, int], *, exact: bool = False) -> BgrImage:

@@ -172,7 +172,8 @@ GQCNN = Exporter(
             "grasp behind the camera": "its image and its pose are 0",
             "split": f"{SPLIT} has train and val of the store; test is in neither",
             "no grasp": "the episode is left out",
-            REAL_ROWS: "left out if the grasp's pose was not measured, or the camera not calibrated",
+            REAL_ROWS: "left out if the grasp's pose was not measured, or the camera not"
+            " calibrated",
         },
     ),
     excludes=excludes,

@@ -19,7 +19,8 @@ _CODED = {row.path: row.names for row in FIELDS if row.names}
 def plain_columns(episode: Episode) -> dict[str, Any]:
     """Return the columns by name as scalars, lists and, for the recipe, a dict.
 
-    A coded value is its word; NaN and codes that were not measured are None; the other values are those of the store.
+    A coded value is its word. NaN, and a coded value that was not measured, are None. The other
+    values are those of the store.
     """
     labels = label_names(len(episode.spec.objects))
     columns: dict[str, Any] = {}

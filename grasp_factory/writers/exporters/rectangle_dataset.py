@@ -192,7 +192,7 @@ def rectangle_contents(layout: RectangleLayout) -> ExportContents:
             "tilted or outside": f"in no list: {TABLE} names the grasps that approach at more than"
             " max_tilt_deg to the camera's axis or are not in the image",
             "no grasp": "the episode is left out",
-            REAL_ROWS: "left out if the grasp's pose was not measured, or the camera not calibrated;"
-            f" {layout.mask} is 0, as objects are not labelled",
+            REAL_ROWS: "left out if the grasp's pose was not measured, or the camera not"
+            f" calibrated; {layout.mask} is 0, as objects are not labelled",
         },
     )

@@ -1,8 +1,8 @@
 """Sequences of a robot data collection: images, CSV files and calibration for each camera.
 
 ``sequences/<episode>_<camera>/`` holds ``rgb/``, ``depth/`` (PNG, 16 bit, mm), ``segmentation/``,
-``data.csv`` in ``imu/``, ``force/``, ``tactile/``, ``robot/`` and ``objects/`` (and, for stores that
-may hold real episodes, ``force_torque/``, ``joints/`` and ``taxels/``),
+``data.csv`` in ``imu/``, ``force/``, ``tactile/``, ``robot/`` and ``objects/``, of stores with real
+episodes also in ``force_torque/``, ``joints/`` and ``taxels/``,
 ``calibration/cam_intrinsics.json``, ``calibration/imu_to_cam_extrinsics.yaml`` (kalibr's names),
 ``metadata.json`` (a list of frames) and ``sync_metadata.json`` (each frame with the IMU's sample
 nearest to it). ``annotations/<episode>.json`` holds label and columns, and ``dataset_info.yaml``
@@ -154,7 +154,8 @@ def finish(job: ExportJob, parts: Sequence[None]) -> None:
     splits, counts = np.unique(episodes.column("split"), return_counts=True)
     info: Mapping[str, Any] = {
         "name": episodes.sources[0].path.name,
-        "description": f"{' and '.join(kinds)} robot grasps: images, IMU, forces, touch, joints and a label",
+        "description": " and ".join(kinds)
+        + " robot grasps: images, IMU, forces, touch, joints and a label",
         "episodes": len(episodes),
         "successes": int(episodes.column("success").sum()),
         "splits": {str(name): int(count) for name, count in zip(splits, counts, strict=True)},

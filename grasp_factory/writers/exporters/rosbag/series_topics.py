@@ -71,8 +71,9 @@ def _poses(scene: BagScene, stamp: int, poses: Array) -> Fields:
 def _transforms(scene: BagScene, stamp: int, tcp: Array, objects: Array) -> Fields:
     poses = {"tcp": tcp.tolist()}
     poses |= {f"object_{k}": pose for k, pose in enumerate(objects.reshape(-1, 7).tolist())}
-    known = {name: pose for name, pose in poses.items() if not any(map(math.isnan, pose))}
-    made = [scene.make.transform(stamp, "world", name, pose) for name, pose in known.items()]
+    if scene.episode.is_real:
+        poses = {name: pose for name, pose in poses.items() if not any(map(math.isnan, pose))}
+    made = [scene.make.transform(stamp, "world", name, pose) for name, pose in poses.items()]
     return {"transforms": made}
 
 
