@@ -118,7 +118,10 @@ def _verify_text(found: VerifyReport) -> str:
     rows = ", ".join([count(found.committed, "episode"), *parts])
     lines = [f"{found.path}: {rows}"]
     if found.deep_seed is not None:
-        drawn = ", ".join(map(str, found.simulated)) or "none, because no episode is undamaged"
+        drawn = (
+            ", ".join(map(str, found.simulated))
+            or "none, because no simulated episode is undamaged"
+        )
         lines.append(f"simulated again: {drawn} (--deep-seed {found.deep_seed})")
     if found.changed:
         lines += change_lines(found.changed)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
+
+UNKNOWN = 255
+"""Value of a code that was not measured."""
 
 
 class Word(IntEnum):
@@ -75,3 +79,13 @@ def label_names(objects: int) -> list[str]:
 def names(words: type[IntEnum]) -> list[str]:
     """Return the names of an enumeration in lower case; the position of a name is its value."""
     return [word.name.lower() for word in words]
+
+
+def word_of(code: int, words: Sequence[str]) -> str | None:
+    """Return the name of a code; None for one that was not measured.
+
+    Args:
+        code: the value in the store.
+        words: the names; the position of a name is its value.
+    """
+    return None if code == UNKNOWN else words[code]

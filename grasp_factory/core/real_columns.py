@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.enums import UNKNOWN, Outcome, names
 from grasp_factory.core.field import Field, field
 
 
@@ -21,8 +21,6 @@ class Source(IntEnum):
 
 
 SOURCE = "episodes/source"
-UNKNOWN = 255
-"""Value of a code that was not measured."""
 _OUTCOMES = tuple(names(Outcome))
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.elementary import LARGEST_ANGLE
+from grasp_factory.core.enums import UNKNOWN
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.geometry import Array
-from grasp_factory.core.real_columns import SOURCE, UNKNOWN, Source
+from grasp_factory.core.real_columns import SOURCE, Source
 from grasp_factory.core.serialization import check, is_number
 
 LARGEST_FOCAL = 1e7

@@ -13,6 +13,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.episode import CameraImage, EpisodeSpec
 from grasp_factory.core.geometry import Array, inverse, pose_matrices
+from grasp_factory.core.real_columns import SOURCE, Source
 from grasp_factory.core.schema import Field
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.dataset.plausible import check_calibration, check_recipe
@@ -115,6 +116,7 @@ class Readings:
         if in_frame == "camera" and len(cameras) > 1:
             valid = " or ".join(f"camera={name!r}" for name in cameras)
             raise UsageError(f"in_frame='camera': got no camera, valid: {valid}")
+        self._check_calibrated(row, cameras, frame)
         T_world_frame = self._frame_pose(row, in_frame, cameras[0], frame)
         clouds = [
             visible_cloud(image, self._far(row, name), shown)
@@ -128,10 +130,13 @@ class Readings:
         """Return what cameras see around a grasp before the attempt; see ``Dataset.grasp_crop``."""
         T = self._grasp_pose(row, "T_world_tcp=None") if T_world_tcp is None else T_world_tcp
         cameras = self._images if camera is None else (camera,)
+        self._check_calibrated(row, cameras, 0)
         return grasp_crop(self.scenes([row], cameras, IMAGES, 0)[0].values(), T, shape)
 
     def calibrations(self, rows: Sequence[int], camera: str, frame: int) -> tuple[Array, Array]:
         """Return a camera's intrinsics (K, 3, 3) and its poses (K, 4, 4) in the world.
+
+        Of real episodes they are NaN where they were not measured.
 
         Raises:
             StoreError: if no camera has such ones.
@@ -139,11 +144,32 @@ class Readings:
         intrinsics = self._values(f"cameras/{camera}/intrinsics", rows)
         poses = self._values(f"cameras/{camera}/T_world_camera", rows)[:, frame]
         try:
-            check_calibration(intrinsics, poses)
+            check_calibration(*(self._measured(values, rows) for values in (intrinsics, poses)))
         except ConfigError as error:
             what = f"the calibration of camera {camera!r} is damaged"
             raise StoreError(f"{self._store}: {what}: {error}") from None
         return intrinsics, poses
+
+    def _measured(self, matrices: Array, rows: Sequence[int]) -> Array:
+        """Return the matrices (K, n, n) without those of real episodes that were not measured."""
+        if SOURCE not in self._fields:
+            return matrices
+        is_real = self._values(SOURCE, rows) == Source.REAL
+        is_measured = ~(is_real & np.isnan(matrices).any(axis=(1, 2)))
+        return np.asarray(matrices[is_measured])
+
+    def _check_calibrated(self, row: int, cameras: Iterable[str], frame: int) -> None:
+        """Check that the cameras' intrinsics and poses were measured.
+
+        Raises:
+            UsageError: naming a camera of which they were not.
+        """
+        for camera in cameras:
+            if any(np.isnan(values).any() for values in self.calibrations([row], camera, frame)):
+                raise UsageError(
+                    f"episode {row} is real, and its camera {camera} has no intrinsics or no pose:"
+                    " import it again with a calibration and the setting T_world_camera"
+                )
 
     def scenes(
         self, rows: Sequence[int], cameras: Iterable[str], kinds: Sequence[str], frame: int

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.enums import Phase, names
+from grasp_factory.core.enums import UNKNOWN, Phase, names
 from grasp_factory.core.geometry import Array
 from grasp_factory.labels.rule import target_com
 from grasp_factory.signals.touch import contact_values
@@ -59,7 +59,8 @@ def curve_groups(
 ) -> tuple[CurveGroup, ...]:
     """Return the recorded series of an attempt in groups, always in the same order.
 
-    A group is left out if its arrays are missing: stores of older versions lack some.
+    A group is left out if its arrays are missing, as in stores of older versions, or if nothing of
+    it was measured, as in real episodes.
 
     Args:
         streams: ``Episode.streams``.
@@ -72,6 +73,8 @@ def curve_groups(
     def add(key: str, title: str, units: str, words: tuple[str, ...], *columns: Any) -> None:
         clock = "imu" if key.startswith("imu_") else "streams"
         values = np.column_stack(columns) if columns[0].ndim == 1 else columns[0]
+        if len(values) and np.isnan(values).all():
+            return
         found.append(
             CurveGroup(key=key, title=title, units=units, clock=clock, names=words, values=values)
         )
@@ -86,7 +89,7 @@ def curve_groups(
         add("gripper_width", "gripper width", "m", ("measured", "target"), width, target)
     if "gripper_force" in streams:
         add("gripper_force", "gripper force", "N", ("motor",), streams["gripper_force"])
-    if {"tactile_force", "tactile_normal"} <= set(streams):
+    if {"tactile_force", "tactile_normal"} <= set(streams) and touch_was_measured(streams):
         add("pad_force", "pad normal force", "N", PADS, pad_forces(streams))
     if "wrist_wrench" in streams:
         wrench = streams["wrist_wrench"]
@@ -107,8 +110,21 @@ def pad_forces(streams: Series) -> Array:
     return np.asarray(contact_values(streams).sum(axis=2))
 
 
+def touch_was_measured(streams: Series) -> bool:
+    """Return whether there is touch of the pads: real episodes have none.
+
+    Args:
+        streams: with ``tactile_wrench``, which is NaN only where nothing was measured.
+    """
+    wrench = streams["tactile_wrench"]
+    return not len(wrench) or not np.isnan(wrench).all()
+
+
 def phase_spans(streams: Series) -> tuple[PhaseSpan, ...]:
-    """Return the spans of consecutive records of one phase, in order; empty without records."""
+    """Return the spans of consecutive records of one phase, in order.
+
+    Records whose phase is not known, as those of real episodes, are in none.
+    """
     phase, times = streams["phase"], streams["timestamp"]
     if not len(phase):
         return ()
@@ -121,6 +137,7 @@ def phase_spans(streams: Series) -> tuple[PhaseSpan, ...]:
             end=float(times[min(stop, len(times) - 1)]),
         )
         for start, stop in zip(starts, [*starts[1:], len(phase)], strict=True)
+        if phase[start] != UNKNOWN
     )
 
 

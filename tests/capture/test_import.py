@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.sessions import JOINTS, START, STRING, Channel, Recorded, SessionMaker
+from support.grasp_sessions import SECONDS, SIZE, force_at, session, width_at
 
 from grasp_factory.capture.importing.cuts import read_cuts
 from grasp_factory.capture.importing.gripper_motion import closings
@@ -28,59 +26,6 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import CaptureError, UsageError
 
 Run = Callable[..., tuple[int, str, str]]
-SIZE = (24, 32)
-SECONDS = 6.0
-
-
-def width_at(times: Any) -> Any:
-    """Return a gripper's width: it closes on 30 mm from 2 to 2.5 s, and opens at 5 s."""
-    return np.interp(times, [2.0, 2.5, 5.0, 5.3], [0.08, 0.03, 0.03, 0.08])
-
-
-def force_at(times: Any) -> Any:
-    """Return the force at the wrist: 2 N more from 3 to 5 s."""
-    return 5.0 + np.interp(times, [2.8, 3.0, 5.0, 5.1], [0.0, 2.0, 2.0, 0.0])
-
-
-def event(made: SessionMaker, name: str, seconds: float, **fields: Any) -> None:
-    text = json.dumps({"event": name, **fields})
-    at = START + round(seconds * 1e9)
-    channel = Channel(topic="/events", kind=STRING)
-    made.messages.append(Recorded(channel=channel, log_ns=at, fields={"data": text}))
-
-
-def session(folder: Path, *, label: str | None = None, marks: bool = True, **settings: Any) -> Path:
-    """Write a session of a camera, an IMU, a force-torque sensor and an arm with a gripper."""
-    rng = np.random.default_rng(0)
-    made = SessionMaker(settings={"operator": "op1", "task": "pick", "weather": "rain", **settings})
-    frames = [rng.integers(0, 255, (*SIZE, 3), np.uint8) for _ in range(int(SECONDS * 10))]
-    depths = [np.full(SIZE, 700 + k, np.uint16) for k in range(len(frames))]
-    depths[0][0, 0] = 0
-    made.camera(frames, rate=10.0, name="front", depth=depths)
-    count = int(SECONDS * 200)
-    made.imu(rng.normal(size=(count, 3)), rng.normal(size=(count, 3)), 200.0, clock=1.00002)
-    at = np.arange(int(SECONDS * 500)) / 500.0
-    wrench = np.zeros((len(at), 6))
-    wrench[:, 2] = force_at(at)
-    made.wrench(wrench, 500.0)
-    arm = Channel(topic="/arm/joint_states", kind=JOINTS, device="arm", device_kind="joints")
-    for k in range(int(SECONDS * 100)):
-        seconds = k / 100.0
-        position = np.append(np.full(7, 0.1 * seconds), width_at(seconds))
-        fields = {
-            "name": [*(f"joint_{j}" for j in range(1, 8)), "gripper"],
-            "position": position,
-            "velocity": np.full(8, np.nan),
-            "effort": np.full(8, np.nan),
-        }
-        at_ns = START + round(seconds * 1e9)
-        made.messages.append(Recorded(channel=arm, log_ns=at_ns, fields=fields))
-    if marks:
-        event(made, "episode_start", 1.0, object="cup")
-        event(made, "episode_end", 4.9)
-    if label:
-        event(made, "label", 5.2, outcome=label)
-    return made.write(folder)
 
 
 @pytest.fixture(scope="module")

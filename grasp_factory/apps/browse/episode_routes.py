@@ -14,7 +14,7 @@ from grasp_factory.apps.browse.image_files import (
 )
 from grasp_factory.apps.browse.numbers import json_bytes
 from grasp_factory.apps.browse.open_stores import OpenStore
-from grasp_factory.apps.browse.points import cloud_bytes
+from grasp_factory.apps.browse.points import cloud_bytes, visible_points
 from grasp_factory.apps.browse.request_parameters import integer
 from grasp_factory.apps.browse.responses import BYTES, cached_answer, json_answer
 from grasp_factory.apps.browse.series import episode_series, tactile
@@ -81,7 +81,7 @@ def routes(site: Site) -> Blueprint:
         if frame > 1:
             abort(404, "there is no such cloud; frames: 0 and 1")
         camera = _asked_camera(opened)
-        make = lambda: cloud_bytes(opened.dataset.point_cloud(row, camera, frame))  # noqa: E731
+        make = lambda: cloud_bytes(visible_points(opened.dataset, row, camera, frame))  # noqa: E731
         return cached_answer(version, BYTES, make)
 
     return pages

@@ -13,7 +13,7 @@ from grasp_factory.apps.pictures.painting import (
     label_palette,
     label_picture,
 )
-from grasp_factory.core.enums import Label
+from grasp_factory.core.enums import UNKNOWN, Label
 from grasp_factory.dataset.dataset import Dataset
 
 KINDS = ("rgb", "depth", "segmentation", "overlay")
@@ -86,8 +86,9 @@ def _far(dataset: Dataset, row: int, camera: str) -> float:
 def _tinted(image: BgrImage, dataset: Dataset, row: int, camera: str, frame: int) -> BgrImage:
     """Return an image whose robot and objects have their labels' colours."""
     labels = dataset.image(row, camera, "segmentation", frame)
+    is_tinted = (labels >= Label.ARM) & (labels != UNKNOWN)
     mixed = cv2.addWeighted(image, 1.0 - _TINT, label_picture(labels), _TINT, 0.0)
-    return np.asarray(np.where((labels >= Label.ARM)[..., None], mixed, image), np.uint8)
+    return np.asarray(np.where(is_tinted[..., None], mixed, image), np.uint8)
 
 
 def _bgr(rgb: NDArray[np.uint8]) -> BgrImage:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.enums import Label
+from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.signals.point_cloud import PointCloud
 
 MOST_POINTS = 60_000
@@ -29,6 +30,22 @@ def cloud_bytes(cloud: PointCloud) -> bytes:
             cloud.labels[shown].tobytes(),
         )
     )
+
+
+def visible_points(dataset: Dataset, row: int, camera: str | None, frame: int) -> PointCloud:
+    """Return the cloud of a camera, None for all; without points if one was not calibrated.
+
+    Raises:
+        StoreError: if the row is missing, quarantined or damaged.
+    """
+    cameras = [camera] if camera else list(dataset.config.cameras)
+    known = [values for name in cameras for values in dataset.calibration(row, name, frame)]
+    if any(np.isnan(values).any() for values in known):
+        nothing = np.empty((0, 3))
+        return PointCloud(
+            points=nothing, rgb=nothing.astype(np.uint8), labels=np.empty(0, np.uint8)
+        )
+    return dataset.point_cloud(row, camera, frame)
 
 
 def _is_shown(cloud: PointCloud) -> NDArray[np.bool_]:

@@ -18,7 +18,13 @@ from grasp_factory.dataset.row_codec import unpadded
 from grasp_factory.errors import ConfigError, MissingLibraryError, StoreError
 from grasp_factory.robots import ROBOTS, arm_chain
 from grasp_factory.robots.kinematics import Chain
-from grasp_factory.signals.plot_series import CurveGroup, Series, curve_groups, phase_spans
+from grasp_factory.signals.plot_series import (
+    CurveGroup,
+    Series,
+    curve_groups,
+    phase_spans,
+    touch_was_measured,
+)
 from grasp_factory.signals.touch import taxel_image
 from grasp_factory.writers.zarr.header import read_array
 
@@ -29,7 +35,7 @@ _STREAMS = (
     *("gripper_width", "gripper_width_target", "gripper_force", "wrist_wrench"),
     *("tcp_pose", "object_pose"),
 )
-_TACTILE = ("tactile_position", "tactile_force", "tactile_normal")
+_TACTILE = ("tactile_position", "tactile_force", "tactile_normal", "tactile_wrench")
 
 
 def episode_series(opened: OpenStore, row: int) -> dict[str, Any]:
@@ -54,7 +60,7 @@ def episode_series(opened: OpenStore, row: int) -> dict[str, Any]:
             "objects": rounded(np.swapaxes(streams["object_pose"], 0, 1)),
             "gripper_width": rounded(streams["gripper_width"]),
         },
-        "links": _links(opened, row, streams["joint_positions"]),
+        "links": _links(opened, row, streams),
         "tactile": _touch(opened, streams),
     }
 
@@ -81,7 +87,9 @@ def _touch(opened: OpenStore, streams: Series) -> dict[str, Any] | None:
 
 def _taxels(opened: OpenStore, streams: Series) -> NDArray[np.float64] | None:
     size = pad_size(opened.dataset.attributes)
-    return None if size is None else taxel_image(streams, size, *TAXELS)
+    if size is None or not touch_was_measured(streams):
+        return None
+    return taxel_image(streams, size, *TAXELS)
 
 
 def _there(opened: OpenStore, *streams: str) -> list[str]:
@@ -110,17 +118,19 @@ def _group(group: CurveGroup) -> dict[str, Any]:
     return told | {"series": series}
 
 
-def _links(opened: OpenStore, row: int, joint_positions: NDArray[Any]) -> dict[str, Any]:
+def _links(opened: OpenStore, row: int, streams: Series) -> dict[str, Any]:
     """Return world positions of the arm's joints and TCP over time; none for an unknown robot.
 
     Some robot models come with PyBullet. If one is missing because PyBullet is not installed, a
-    note says so.
+    note says so, and if the arm of a real episode need not be the store's robot.
 
     Raises:
         StoreError: if the positions are of another number of joints than the robot has.
     """
-    dataset = opened.dataset
+    dataset, joint_positions = opened.dataset, streams["joint_positions"]
     unknown: dict[str, Any] = {"names": [], "positions": []}
+    if len(joint_positions) and np.isnan(streams["tcp_pose"]).all():
+        return unknown | {"note": "The arm is not drawn: its kinematics are not known."}
     try:
         chains = _chains(dataset.config.robot)
     except MissingLibraryError:

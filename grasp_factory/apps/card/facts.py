@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from grasp_factory.apps.card.table import NOT_IN_TABLE, Kind, TableColumn, column_of
 from grasp_factory.core import schema
 from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.real_columns import Source
 from grasp_factory.core.splits import SPLITS
 from grasp_factory.dataset.counts import (
     count_outcomes,
@@ -67,6 +68,8 @@ class CardFacts:
     missing: int
     bytes: int
     total: Group
+    real: int
+    """How many of these were recorded with real devices."""
     groups: Mapping[str, tuple[Group, ...]]
     """By column of ``GROUPED``; splits in their usual order, other groups the largest first."""
     outcomes: Mapping[str, int]
@@ -123,6 +126,7 @@ def read_facts(dataset: Dataset) -> CardFacts:
         missing=missing,
         bytes=store_bytes(columns),
         total=_group("", success, objects),
+        real=int((values["source"] == Source.REAL).sum()) if "source" in values else 0,
         groups={
             name: _groups(name, values[name], success, objects)
             for name in GROUPED

@@ -17,12 +17,32 @@ _STRAIGHT_DOWN = {"uniform", "top_down"}
 _BOX_INERTIA = {"blobs", "classic"}
 """Object sets whose inertia is that of the bounding box."""
 
+_LABEL_OF_REAL = (
+    "The label of a real episode is the operator's word, else what the gripper's width and the force"
+    " at the wrist say: the columns label_operator, label_gripper and label_force."
+)
+_SAMPLE = (
+    "How often each class occurs follows from what was recorded, not from how hard grasping is."
+)
 
-def known_limits(config: FactoryConfig) -> tuple[str, ...]:
-    """Return the known limits of a config's dataset, one or two sentences each."""
+
+def known_limits(config: FactoryConfig, *, real: int = 0, episodes: int = 1) -> tuple[str, ...]:
+    """Return the known limits of a config's dataset, one or two sentences each.
+
+    Args:
+        config: of the store.
+        real: how many of its episodes are real.
+        episodes: how many it has.
+    """
+    if real == episodes:
+        return (_not_measured("The episodes"), _LABEL_OF_REAL, _SAMPLE)
     return (
-        "All of it is simulated. How well what is learned from it does on a real robot was not"
+        _not_measured(f"{real} of {episodes} episodes") + " The other limits are those of the"
+        " simulated ones."
+        if real
+        else "All of it is simulated. How well what is learned from it does on a real robot was not"
         " measured.",
+        *([_LABEL_OF_REAL] if real else ()),
         *_of_contacts(config),
         *_of_sensors(config),
         *_of_scenes(config),
@@ -31,6 +51,13 @@ def known_limits(config: FactoryConfig) -> tuple[str, ...]:
         " how hard grasping is.",
         "Bytes can be made again on the platform named here, and on any other whose fingerprint is"
         " the same; elsewhere last bits differ, and with them now and then an outcome.",
+    )
+
+
+def _not_measured(which: str) -> str:
+    return (
+        f"{which} were recorded with real sensors: what was not measured, such as poses of objects"
+        " and contacts, is NaN, 255 or empty."
     )
 
 

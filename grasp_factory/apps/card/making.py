@@ -41,6 +41,7 @@ SUFFIX = ".card"
 """Suffix of the name of a card's folder next to its store."""
 _SHOWN = 6
 """Episodes of the contact sheet."""
+_OF_SIMULATION = ("simulation", "pybullet")
 _TAGS = (
     *("robotics", "grasping", "manipulation", "simulation", "pybullet", "zarr", "tactile"),
     *("force-torque", "depth", "rgb-d"),
@@ -154,10 +155,10 @@ def _describe(
     dataset: Dataset, store: Path, facts: CardFacts, publication: Publication
 ) -> Described:
     config, attributes = dataset.config, dataset.attributes
-    total = facts.total
+    total, real = facts.total, facts.real
     sentence = (
         f"{total.episodes} grasp attempts of a {word(config.robot)} on {total.objects} objects,"
-        " simulated in PyBullet: images, touch over time, and the outcome of each with the"
+        f" {_origin(facts)}: images, touch over time, and the outcome of each with the"
         " measurements behind it."
     )
     stated = str(attributes.get("license", "")).lower()
@@ -170,9 +171,23 @@ def _describe(
         url=publication.url,
         date_published=publication.date_published,
         version=publication.version,
-        keywords=(*_TAGS, config.robot),
-        limits=known_limits(config),
+        keywords=(
+            *(tag for tag in _TAGS if real < total.episodes or tag not in _OF_SIMULATION),
+            config.robot,
+        ),
+        limits=known_limits(config, real=real, episodes=total.episodes),
         made_with=str(attributes.get("created_by", f"grasp-factory {__version__}")),
+    )
+
+
+def _origin(facts: CardFacts) -> str:
+    """Return where the episodes come from."""
+    simulated = facts.total.episodes - facts.real
+    if not facts.real:
+        return "simulated in PyBullet"
+    recorded = "recorded with real sensors"
+    return (
+        f"{simulated} simulated in PyBullet and {facts.real} {recorded}" if simulated else recorded
     )
 
 

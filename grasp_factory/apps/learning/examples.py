@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.enums import Phase
+from grasp_factory.core.enums import UNKNOWN, Phase
 from grasp_factory.core.geometry import Array, pose_matrices
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.sensor_reader import IMAGES
@@ -181,4 +181,5 @@ class ExampleReader:
         return inputs
 
     def _has_lift(self, row: int) -> bool:
-        return bool((self.dataset.series(row, "phase")["phase"] >= Phase.LIFT).any())
+        phase = self.dataset.series(row, "phase")["phase"]
+        return bool(((phase >= Phase.LIFT) & (phase != UNKNOWN)).any())

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.camera import project
-from grasp_factory.core.enums import Label, names
+from grasp_factory.core.enums import UNKNOWN, Label, names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array, apply, inverse, quat_xyzw_to_matrix, transform
 
@@ -27,7 +27,7 @@ GREEN: BgrColor = (78, 142, 40)
 RED: BgrColor = (52, 52, 200)
 GRASP_COLOR: BgrColor = (255, 0, 255)
 NOTHING: BgrColor = (70, 66, 64)
-"""Colour of pixels where a depth image sees nothing."""
+"""Colour of pixels where a depth image sees nothing, and of pixels that were not labelled."""
 
 LABEL_COLORS: dict[str, BgrColor] = {
     "background": (52, 48, 46),
@@ -130,11 +130,12 @@ def label_picture(segmentation: NDArray[np.uint8]) -> BgrImage:
 
 
 def label_palette() -> BgrImage:
-    """Return the colour of every label value, (256, 3)."""
+    """Return the colour of every label value, (256, 3); that of pixels without a label is dark."""
     words = names(Label)
     table = [LABEL_COLORS[word] for word in words]
     more = 256 - len(table)
     table += [OTHER_COLORS[i % len(OTHER_COLORS)] for i in range(more)]
+    table[UNKNOWN] = NOTHING
     return np.array(table, np.uint8)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.painting import BgrImage
-from grasp_factory.core.enums import label_names
+from grasp_factory.core.enums import UNKNOWN, label_names, word_of
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.output_file import FileKind, check_out, written_aside
 from grasp_factory.dataset.dataset import Dataset
@@ -145,9 +145,9 @@ def caption(episode: Episode) -> str:
     words = [f"#{spec.index}", spec.objects[0].object_id, spec.policy]
     if lift > WORTH_TELLING:  # false for NaN
         words.append(f"lifted {100 * lift:.1f} cm")
-    if episode.columns["collision_body"]:
-        labels = label_names(len(spec.objects))
-        words.append(f"hit the {labels[int(episode.columns['collision_body'])]}")
+    body = word_of(int(episode.columns["collision_body"]), label_names(len(spec.objects)))
+    if episode.columns["collision_body"] and body:
+        words.append(f"hit the {body}")
     return "   ".join(words)
 
 
@@ -207,12 +207,17 @@ def _panels(
     pixels = painting.grasp_pixels(episode, frames)
     if pixels is not None:
         painting.put_grasp(before, (pixels + 0.5) * size[0] / frames.rgb.shape[2] - 0.5)
-    return [
-        before,
-        after,
-        _fit(painting.depth_picture(frames.depth[0], *span, far), size),
-        _fit(painting.label_picture(frames.segmentation[0]), size, exact=True),
-    ]
+    depth = _fit(painting.depth_picture(frames.depth[0], *span, far), size)
+    labels = _fit(painting.label_picture(frames.segmentation[0]), size, exact=True)
+    if np.isnan(frames.depth[0]).all():
+        _say_not_measured(depth)
+    if (frames.segmentation[0] == UNKNOWN).all():
+        _say_not_measured(labels)
+    return [before, after, depth, labels]
+
+
+def _say_not_measured(picture: BgrImage) -> None:
+    painting.put_text(picture, "not measured", (GAP, picture.shape[0] // 2), painting.WHITE)
 
 
 def _fit(image: BgrImage, size: tuple[int, int], *, exact: bool = False) -> BgrImage:

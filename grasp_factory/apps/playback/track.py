@@ -31,7 +31,7 @@ class Track:
     """The recorded motion, from the instant at which the arm started."""
 
     timestamp: Array
-    """(K,) s; the first is 0."""
+    """(K,) s; the first is 0, unless the episode is real."""
     joint_positions: Array
     """(K, J) rad."""
     gripper_width: Array
@@ -43,11 +43,16 @@ class Track:
     def of(cls, episode: Episode) -> Track:
         """Return an episode's motion: home and the objects' rest poses first, then its records.
 
+        That of a real episode has its records alone.
+
         Raises:
             ConfigError: if its clocks or its joint positions are not those of an attempt.
         """
         model, streams = lookup(ROBOTS, "robot", episode.spec.robot), episode.streams
         check_motion(episode, len(model.home))
+        if episode.is_real:
+            names = ("timestamp", "joint_positions", "gripper_width", "object_pose")
+            return cls(*(np.asarray(streams[name], np.float64) for name in names))
         return cls(
             np.concatenate([[0.0], streams["timestamp"]]),
             np.vstack([[model.home], streams["joint_positions"].astype(np.float64)]),

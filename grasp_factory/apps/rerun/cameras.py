@@ -44,16 +44,23 @@ def log_cameras(recording: rr.RecordingStream, episode: Episode, times: Sequence
     for name, frames in episode.cameras.items():
         entity = f"{CAMERAS}/{name}"
         height, width = frames.depth.shape[1:]
-        pinhole = rr.Pinhole(
-            image_from_camera=frames.intrinsics,
-            resolution=[width, height],
-            camera_xyz=rr.ViewCoordinates.RDF,
-            image_plane_distance=IMAGE_PLANE_M,
-        )
-        recording.log(entity, pinhole, static=True)
-        recording.send_columns(entity, *_camera_motion(episode, name, frames, times))
+        if is_calibrated(frames):
+            pinhole = rr.Pinhole(
+                image_from_camera=frames.intrinsics,
+                resolution=[width, height],
+                camera_xyz=rr.ViewCoordinates.RDF,
+                image_plane_distance=IMAGE_PLANE_M,
+            )
+            recording.log(entity, pinhole, static=True)
+            recording.send_columns(entity, *_camera_motion(episode, name, frames, times))
         _log_images(recording, entity, frames, times)
         _log_rgb(recording, entity, *_pictures(episode, name, frames, times))
+
+
+def is_calibrated(frames: CameraFrames) -> bool:
+    """Return whether a camera's intrinsics and poses are known."""
+    values = (frames.intrinsics, frames.T_world_camera)
+    return all(bool(np.isfinite(each).all()) for each in values)
 
 
 def log_clouds(

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import rerun as rr
 
 from grasp_factory.apps.playback.track import Track
@@ -25,6 +26,13 @@ from grasp_factory.robots import ROBOTS, RobotModel
 
 ROBOT = "robot"
 OBJECTS = "world/objects"
+
+
+def has_motion(episode: Episode) -> bool:
+    """Return whether the robot's motion is known: of a real one, if its kinematics are."""
+    streams = episode.streams
+    names = ("joint_positions", "gripper_width", "tcp_pose")
+    return not episode.is_real or all(np.isfinite(streams[name]).all() for name in names)
 
 
 def log_robot(recording: rr.RecordingStream, robot: str, track: Track, folder: Path) -> None:

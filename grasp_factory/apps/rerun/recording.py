@@ -8,9 +8,9 @@ from pathlib import Path
 import rerun as rr
 
 from grasp_factory.apps.playback.track import Track
-from grasp_factory.apps.rerun.cameras import log_cameras, log_clouds, log_labels
+from grasp_factory.apps.rerun.cameras import is_calibrated, log_cameras, log_clouds, log_labels
 from grasp_factory.apps.rerun.layout import blueprint
-from grasp_factory.apps.rerun.recorded_motion import log_objects, log_robot
+from grasp_factory.apps.rerun.recorded_motion import has_motion, log_objects, log_robot
 from grasp_factory.apps.rerun.scenery import log_scenery
 from grasp_factory.apps.rerun.sdk import RRD
 from grasp_factory.apps.rerun.series import log_phases, log_series
@@ -26,6 +26,8 @@ APPLICATION = "grasp_factory"
 
 def write_recording(dataset: Dataset, index: int, out: Path) -> None:
     """Write all stored data of an attempt as a Rerun recording.
+
+    Of a real episode, what was not measured is left out, and so are the shapes of objects.
 
     Args:
         dataset: The dataset with the attempt.
@@ -49,9 +51,11 @@ def _write(dataset: Dataset, index: int, episode: Episode, file: Path) -> None:
     groups = curve_groups(
         streams, episode.imu, columns["object_com"][0], float(columns["rest_height"])
     )
-    track = Track.of(episode)
-    times = [0.0, track.duration] if episode.n_steps else [0.0]
-    clouds = [dataset.point_cloud(index, frame=frame) for frame in range(len(times))]
+    track = Track.of(episode) if has_motion(episode) else None
+    times = [0.0, float(streams["timestamp"][-1])] if episode.n_steps else [0.0]
+    is_placed = all(map(is_calibrated, episode.cameras.values()))
+    seen = times if is_placed else []
+    clouds = [dataset.point_cloud(index, frame=frame) for frame in range(len(seen))]
     rr.set_strict_mode(True)
     recording = rr.RecordingStream(
         APPLICATION, recording_id=episode.checksum(), send_properties=False
@@ -65,9 +69,11 @@ def _write(dataset: Dataset, index: int, episode: Episode, file: Path) -> None:
         recording.log("episode", text, static=True)
         log_labels(recording, len(episode.spec.objects))
         log_scenery(recording, episode)
-        log_robot(recording, episode.spec.robot, track, Path(folder))
-        log_objects(recording, episode, track, Path(folder))
+        if track:
+            log_robot(recording, episode.spec.robot, track, Path(folder))
+        if track and not episode.is_real:
+            log_objects(recording, episode, track, Path(folder))
         log_cameras(recording, episode, times)
-        log_clouds(recording, clouds, times)
+        log_clouds(recording, clouds, seen)
         log_series(recording, episode, groups)
         log_phases(recording, episode, phase_spans(streams))

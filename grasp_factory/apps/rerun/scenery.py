@@ -30,7 +30,7 @@ def log_scenery(recording: rr.RecordingStream, episode: Episode) -> None:
     if np.linalg.norm(columns["grasp_quat_xyzw"]) > 0.0:  # false for NaN
         _log_grasp(recording, columns["grasp_position"], columns["grasp_quat_xyzw"],
                    float(columns["grasp_width"]))  # fmt: skip
-    if episode.n_steps:
+    if episode.n_steps and np.isfinite(episode.streams["tcp_pose"]).all():
         _log_hand(recording, episode.streams["timestamp"], episode.streams["tcp_pose"])
 
 

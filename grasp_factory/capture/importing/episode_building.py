@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.enums import Outcome
+from grasp_factory.core.enums import UNKNOWN, Outcome
 from grasp_factory.core.episode import CameraFrames, Episode, EpisodeSpec
 from grasp_factory.core.field import Field
-from grasp_factory.core.real_columns import UNKNOWN
 from grasp_factory.core.sensors import series_groups
 from grasp_factory.errors import CaptureError
 

@@ -45,9 +45,9 @@ from grasp_factory.capture.importing.store_config import config_for, devices_of_
 from grasp_factory.capture.importing.timeline import EpisodeSpan, own_series, stream_arrays
 from grasp_factory.capture.quality.imu_calibration import noise_calibrations
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.enums import Outcome
+from grasp_factory.core.enums import UNKNOWN, Outcome
 from grasp_factory.core.episode import Episode, EpisodeSpec
-from grasp_factory.core.real_columns import UNKNOWN, Source
+from grasp_factory.core.real_columns import Source
 from grasp_factory.core.recording_source import RecordingSource
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import CaptureError

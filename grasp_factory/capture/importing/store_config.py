@@ -118,4 +118,5 @@ def _video_rate(config: FactoryConfig, cameras: Sequence[RecordedTrack]) -> int:
     fastest = max((rate for rate in rates if not math.isnan(rate)), default=1.0)
     whole = math.gcd(config.physics.free_hz, config.physics.contact_hz)
     valid = [rate for rate in range(1, min(whole, 240) + 1) if whole % rate == 0]
+    valid.sort(key=lambda rate: (config.record_hz % rate != 0, rate))
     return next((rate for rate in valid if rate >= 0.99 * fastest), valid[-1])

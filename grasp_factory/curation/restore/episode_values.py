@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
+from grasp_factory.core.enums import UNKNOWN
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.field import Field
 from grasp_factory.core.sensors import series_groups
@@ -71,9 +72,9 @@ def _checked(values: NDArray[Any], field: Field, shape: tuple[int, ...]) -> NDAr
 
 
 def _array(value: Any, field: Field, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return the array of a value of JSON: words become codes, and None becomes NaN."""
+    """Return the array of a value of JSON: words become codes; None is NaN or a code."""
     if field.names:
-        value = field.names.index(value)
+        value = UNKNOWN if value is None else field.names.index(value)
     values = np.asarray(value, np.str_ if field.dtype == "string" else field.dtype)
     if values.shape != shape:
         raise ValueError(f"{field.path}: got {values.shape}, valid: {shape}")

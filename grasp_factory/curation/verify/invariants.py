@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.camera import Intrinsics
+from grasp_factory.core.enums import UNKNOWN
 from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.finite_check import non_finite
-from grasp_factory.core.real_columns import SOURCE, UNKNOWN, is_real
+from grasp_factory.core.real_columns import SOURCE, is_real
 from grasp_factory.curation.verify.derived_values import label_faults
 from grasp_factory.curation.verify.partial_store import PartialStore
 from grasp_factory.curation.verify.problems import Fault

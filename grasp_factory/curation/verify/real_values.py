@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.enums import Outcome
+from grasp_factory.core.enums import UNKNOWN, Outcome
 from grasp_factory.core.episode import EpisodeSpec
-from grasp_factory.core.real_columns import UNKNOWN
 from grasp_factory.core.sensors import series_groups
 from grasp_factory.curation.verify.problems import Fault
 from grasp_factory.dataset.row_codec import Row

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from grasp_factory.core.episode import Episode
 from grasp_factory.errors import lookup
 from grasp_factory.writers.exporters.base import (
+    REAL_SERIES,
     ExportContents,
     Exporter,
     ExportFolder,
@@ -103,7 +104,7 @@ ARTICLE = Exporter(
         left_out={
             "cameras/*": "the layout has one camera: see the option camera",
             "streams/*": "the layout has no time series",
-            "imu/*": "the layout has no time series",
+            **dict.fromkeys(("imu/*", *REAL_SERIES), "the layout has no time series"),
             "videos/*": "the layout has no videos",
         },
         treatment={

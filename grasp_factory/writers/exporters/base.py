@@ -16,9 +16,14 @@ from grasp_factory.core.episode import Episode
 from grasp_factory.core.field import Field
 from grasp_factory.core.optional import require
 from grasp_factory.core.place import Place
+from grasp_factory.core.real_series import REAL_GROUPS
 from grasp_factory.core.serialization import from_plain
 from grasp_factory.writers.exporters.selection import Selection
 
+REAL_SERIES = tuple(f"{group.name}/*" for group in REAL_GROUPS)
+"""The time series that only real episodes have, for ``ExportContents``."""
+REAL_ROWS = "real episodes"
+"""In ``ExportContents.treatment``: what the format does with them, apart from all others."""
 EPISODES_PER_PART = 4
 """Default for ``Exporter.split``: small, so that workers share the work evenly to its end."""
 

@@ -11,9 +11,19 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grasp_factory.core.episode import CameraFrames, ObjectSpec
 from grasp_factory.core.triangle_mesh import TriangleMesh
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    REAL_SERIES,
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.bop_scene import (
     DEPTH_SCALE,
     MM,
@@ -39,12 +49,17 @@ from grasp_factory.writers.exporters.object_models import (
     number_models,
     write_model_rows,
 )
-from grasp_factory.writers.exporters.object_views import of_no_split
+from grasp_factory.writers.exporters.object_views import of_no_split, of_real_objects
 from grasp_factory.writers.exporters.selection import Selection
 
 VISIBLE_SHARE = 0.1
 """Smallest visible share of a test target: ``visib_gt_min`` of the BOP challenge."""
 MODELS, INFO, TARGETS = "models", "models_info.json", "test_targets_bop19.json"
+
+
+def excludes(episodes: Selection, settings: Any) -> dict[str, NDArray[np.bool_]]:
+    """Exclude real episodes, and those of an unknown split."""
+    return {**of_real_objects(episodes), **of_no_split(episodes, settings)}
 
 
 def prepare(episodes: Selection, settings: Any) -> dict[ModelKey, NumberedModel]:
@@ -143,7 +158,7 @@ BOP = Exporter(
             "streams/object_pose": "the format has no time series; the last record is the pose in"
             " the images after the attempt",
             "streams/*": "the format has no time series",
-            "imu/*": "the format has no time series",
+            **dict.fromkeys(("imu/*", *REAL_SERIES), "the format has no time series"),
             "videos/*": "its images are those before and after the attempt",
         },
         treatment={
@@ -163,10 +178,11 @@ BOP = Exporter(
             " without textures and without what randomisation changed; no models_eval/",
             "split": "an episode is in the split of its target; other objects of the scene may be"
             " of another split",
+            REAL_ROWS: "left out: real objects have no models and no poses",
             "no grasp, no video": "the same as for other episodes",
         },
     ),
-    excludes=of_no_split,
+    excludes=excludes,
     prepare=prepare,
     write_part=write_part,
     finish=finish,

@@ -14,7 +14,13 @@ import numpy as np
 from grasp_factory.core.enums import Label, label_names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.splits import SPLITS
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from grasp_factory.writers.exporters.base import (
+    REAL_SERIES,
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.grasp_key_points import (
     KEY_POINTS,
     NOT_LABELLED,
@@ -191,7 +197,7 @@ COCO = Exporter(
             "cameras/*/depth": "the format has colour images; depth says which key points are"
             " hidden",
             "streams/*": "the format has no time series",
-            "imu/*": "the format has no time series",
+            **dict.fromkeys(("imu/*", *REAL_SERIES), "the format has no time series"),
             "videos/*": "its images are those before and after the attempt",
         },
         treatment={

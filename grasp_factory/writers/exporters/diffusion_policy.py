@@ -19,7 +19,13 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.splits import SPLITS
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.replay_buffer_file import (
     BufferPart,
     FramesFile,
@@ -30,6 +36,7 @@ from grasp_factory.writers.exporters.steps import (
     NO_FRAMES,
     NOT_IN_STEPS,
     RATE,
+    REAL_STEPS,
     EpisodeSteps,
     steps_of,
     without_frames,
@@ -163,6 +170,7 @@ DIFFUSION_POLICY = Exporter(
             "no video": "episodes without video frames are not in the file",
             "no grasp": "the robot does not move and there are no video frames",
             "NaN": "kept: tactile_* have NaN where there is no contact point",
+            REAL_ROWS: REAL_STEPS,
             "truth": "object_pose is the simulator's truth, which a real robot does not observe",
         },
     ),

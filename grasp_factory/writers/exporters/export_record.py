@@ -2,8 +2,9 @@
 
 ``grasp_factory.json`` says which rows of which stores the export has, what it left out and why.
 ``grasp_factory_episodes.jsonl`` has a line for each episode: its store, row and checksum, all its
-columns, and its other small arrays. A coded value is its word, NaN is null, and the other values
-are those of the store. Data that is embedded in a store is in ``grasp_factory_embedded/``.
+columns, and its other small arrays. A coded value is its word. NaN, and a coded value that was not
+measured, are null. The other values are those of the store. Data that is embedded in a store is in
+``grasp_factory_embedded/``.
 """
 
 from __future__ import annotations

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from grasp_factory.core.episode import CameraFrames
 from grasp_factory.core.serialization import check_range
 from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    REAL_SERIES,
     ExportContents,
     Exporter,
     ExportJob,
@@ -61,14 +63,14 @@ class GqcnnSettings:
 
 
 def excludes(episodes: Selection, settings: GqcnnSettings) -> Mapping[str, NDArray[np.bool_]]:
-    """Exclude episodes without a grasp.
+    """Exclude episodes without a grasp, and those whose camera was not calibrated.
 
     Raises:
         UnknownNameError: for an unknown camera.
         UsageError: if no camera is named and there is no ``overhead``.
     """
-    overhead_camera(episodes, settings.camera)
-    return without_grasp(episodes)
+    camera = overhead_camera(episodes, settings.camera)
+    return without_grasp(episodes, [camera])
 
 
 def split(episodes: Selection, settings: GqcnnSettings) -> list[range]:
@@ -157,7 +159,7 @@ GQCNN = Exporter(
         left_out={
             "cameras/*": "the network sees depth only, in pixels around the grasp",
             "streams/*": "the layout has no time series",
-            "imu/*": "the layout has no time series",
+            **dict.fromkeys(("imu/*", *REAL_SERIES), "the layout has no time series"),
             "videos/*": "the layout has no videos",
         },
         treatment={
@@ -170,6 +172,8 @@ GQCNN = Exporter(
             "grasp behind the camera": "its image and its pose are 0",
             "split": f"{SPLIT} has train and val of the store; test is in neither",
             "no grasp": "the episode is left out",
+            REAL_ROWS: "left out if the grasp's pose was not measured, or the camera not"
+            " calibrated",
         },
     ),
     excludes=excludes,

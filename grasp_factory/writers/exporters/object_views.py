@@ -18,12 +18,18 @@ from grasp_factory.writers.exporters.selection import Selection
 
 TIMES = ("before", "after")
 """Names of the frames 0 and 1 of a camera."""
+REAL_OBJECTS = "its objects are real: there are no models and poses of them"
 NO_SPLIT = f"its split is not one of {', '.join(SPLITS)}"
 
 
 def of_no_split(episodes: Selection, settings: Any) -> dict[str, NDArray[np.bool_]]:
     """Exclude episodes of an unknown split: the split is the name of a folder or a file."""
     return {NO_SPLIT: ~np.isin(episodes.column("split").tolist(), SPLITS)}
+
+
+def of_real_objects(episodes: Selection) -> dict[str, NDArray[np.bool_]]:
+    """Exclude real episodes: what was grasped has neither a model nor a pose."""
+    return {REAL_OBJECTS: episodes.is_real}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.enums import Label
+from grasp_factory.core.enums import UNKNOWN, Label
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array, quat_xyzw_to_matrix, transform
 from grasp_factory.errors import UsageError
@@ -24,6 +24,8 @@ OVERHEAD = "overhead"
 INPAINT_RADIUS = 1
 """Pixels; GG-CNN fills holes with it: https://github.com/dougsm/ggcnn, DepthImage.inpaint."""
 NO_GRASP = "no grasp was planned"
+NOT_MEASURED = "the pose of the grasp was not measured"
+NO_CALIBRATION = "its camera was not calibrated"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,11 +81,17 @@ def overhead_camera(episodes: Selection, name: str) -> str:
     return camera_of(episodes, name or OVERHEAD)
 
 
-def without_grasp(episodes: Selection) -> Mapping[str, NDArray[np.bool_]]:
-    """Return which episodes have no grasp, (n,), with this as the reason."""
+def without_grasp(episodes: Selection, cameras: Sequence[str]) -> Mapping[str, NDArray[np.bool_]]:
+    """Return which episodes have no grasp or no calibration of a camera, (n,), by the reason."""
     names = ("grasp_position", "grasp_quat_xyzw", "grasp_width")
     values = [episodes.column(name).reshape(len(episodes), -1) for name in names]
-    return {NO_GRASP: np.isnan(np.concatenate(values, axis=1)).any(axis=1)}
+    no_grasp = np.isnan(np.concatenate(values, axis=1)).any(axis=1)
+    real = episodes.is_real
+    return {
+        NO_GRASP: no_grasp & ~real,
+        NOT_MEASURED: no_grasp & real,
+        NO_CALIBRATION: episodes.without_calibration(cameras),
+    }
 
 
 def overhead_view(frames: CameraFrames, size: tuple[int, int], zoom: float) -> OverheadView:
@@ -98,7 +106,9 @@ def overhead_view(frames: CameraFrames, size: tuple[int, int], zoom: float) -> O
     share = min(width / size[0], height / size[1]) / zoom
     across, down = (_Span.middle(n, m, share) for n, m in ((width, size[0]), (height, size[1])))
     rows, columns = down.samples(), across.samples()
-    objects = np.where(frames.segmentation[0] >= Label.TARGET, np.uint8(255), np.uint8(0))
+    labels = frames.segmentation[0]
+    is_object = (labels >= Label.TARGET) & (labels != UNKNOWN)
+    objects = np.where(is_object, np.uint8(255), np.uint8(0))
     K = frames.intrinsics.copy()
     K[0, 0], K[0, 2] = K[0, 0] / across.step, across.place(K[0, 2])
     K[1, 1], K[1, 2] = K[1, 1] / down.step, down.place(K[1, 2])

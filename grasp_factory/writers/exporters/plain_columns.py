@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from grasp_factory.core.enums import label_names
+from grasp_factory.core.enums import label_names, word_of
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.field import LABELS
 from grasp_factory.core.schema import FIELDS
@@ -19,14 +19,16 @@ _CODED = {row.path: row.names for row in FIELDS if row.names}
 def plain_columns(episode: Episode) -> dict[str, Any]:
     """Return the columns by name as scalars, lists and, for the recipe, a dict.
 
-    A coded value is its word, NaN is None; the other values are those of the store.
+    A coded value is its word. NaN, and a coded value that was not measured, are None. The other
+    values are those of the store.
     """
     labels = label_names(len(episode.spec.objects))
     columns: dict[str, Any] = {}
     for path, values in episode.contents().items():
         if path.startswith("episodes/"):
             words = labels if _CODED.get(path) == LABELS else _CODED.get(path)
-            columns[path.removeprefix("episodes/")] = words[int(values)] if words else plain(values)
+            value = word_of(int(values), words) if words else plain(values)
+            columns[path.removeprefix("episodes/")] = value
     return columns | {"spec": to_plain(episode.spec)}
 
 

@@ -19,7 +19,13 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.serialization import check_range
-from grasp_factory.writers.exporters.base import ExportContents, ExportJob, ExportPart
+from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    REAL_SERIES,
+    ExportContents,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.grasp_rectangle import GraspRectangle
 from grasp_factory.writers.exporters.images import write_png
 from grasp_factory.writers.exporters.overhead_view import (
@@ -84,14 +90,14 @@ class RectangleLayout:
 
 
 def excludes(episodes: Selection, settings: RectangleSettings) -> Mapping[str, NDArray[np.bool_]]:
-    """Exclude episodes without a grasp.
+    """Exclude episodes without a grasp, and those whose camera was not calibrated.
 
     Raises:
         UnknownNameError: for an unknown camera.
         UsageError: if no camera is named and there is no ``overhead``.
     """
-    overhead_camera(episodes, settings.camera)
-    return without_grasp(episodes)
+    camera = overhead_camera(episodes, settings.camera)
+    return without_grasp(episodes, [camera])
 
 
 def write_rectangles(layout: RectangleLayout, job: ExportJob, part: ExportPart) -> None:
@@ -172,7 +178,7 @@ def rectangle_contents(layout: RectangleLayout) -> ExportContents:
         left_out={
             "cameras/*": "the layout has images and grasps only; the recipe has the camera's pose",
             "streams/*": "the layout has no time series",
-            "imu/*": "the layout has no time series",
+            **dict.fromkeys(("imu/*", *REAL_SERIES), "the layout has no time series"),
             "videos/*": "the layout has no videos",
         },
         treatment={
@@ -186,5 +192,7 @@ def rectangle_contents(layout: RectangleLayout) -> ExportContents:
             "tilted or outside": f"in no list: {TABLE} names the grasps that approach at more than"
             " max_tilt_deg to the camera's axis or are not in the image",
             "no grasp": "the episode is left out",
+            REAL_ROWS: "left out if the grasp's pose was not measured, or the camera not"
+            f" calibrated; {layout.mask} is 0, as objects are not labelled",
         },
     )

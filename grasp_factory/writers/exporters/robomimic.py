@@ -19,12 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.serialization import check_range
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import (
     NO_FRAMES,
     NOT_IN_STEPS,
     RATE,
+    REAL_STEPS,
     observations,
     steps_of,
     without_frames,
@@ -183,6 +190,7 @@ ROBOMIMIC = Exporter(
             "no video": "episodes without video frames are not in the file",
             "no grasp": "the robot does not move and there are no video frames",
             "NaN": "kept: tactile_* have NaN where there is no contact point",
+            REAL_ROWS: REAL_STEPS,
             "truth": "object_pose is the simulator's truth, which a real robot does not observe",
             "simulator": "robomimic cannot run the episodes: env_args name no simulator of it",
         },

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.core.geometry import Array
+from grasp_factory.core.real_columns import SOURCE, Source
 from grasp_factory.core.schema import Field
+from grasp_factory.core.sensors import series_groups
 from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.errors import UsageError, shown
 from grasp_factory.writers.zarr.embedded import embedded_in
@@ -67,6 +70,12 @@ class EpisodeSource(Protocol):
 
     def spec(self, index: int) -> EpisodeSpec:
         """Return the recipe of the episode at a row."""
+
+    def calibration(self, index: int, camera: str, frame: int) -> tuple[Array, Array]:
+        """Return a camera's intrinsics (3, 3), pixels, and pose (4, 4) at frame 0 or 1.
+
+        Of a real episode they are NaN where they were not measured.
+        """
 
     def object_mesh(self, recipe: ObjectSpec) -> TriangleMesh:
         """Return the surface of an object of a recipe, in the object's own frame.
@@ -129,6 +138,30 @@ class Selection:
             return outcomes
 
         return self._of_each(label)
+
+    @property
+    def is_real(self) -> NDArray[np.bool_]:
+        """Which episodes were recorded with real devices, (n,)."""
+
+        def is_real(source: EpisodeSource) -> NDArray[np.bool_]:
+            if SOURCE not in source.fields:
+                return np.zeros(len(source.column("status")), np.bool_)
+            real: NDArray[np.bool_] = source.column("source") == Source.REAL
+            return real
+
+        return self._of_each(is_real)
+
+    def without_calibration(self, cameras: Sequence[str]) -> NDArray[np.bool_]:
+        """Return for which episodes a camera has no intrinsics or no pose before, (n,).
+
+        It was not measured, so these are real episodes.
+        """
+        lacks = np.zeros(len(self), np.bool_)
+        for place in np.flatnonzero(self.is_real).tolist():
+            store, row = self.origin(place)
+            known = [self.sources[store].calibration(row, camera, 0) for camera in cameras]
+            lacks[place] = any(np.isnan(values).any() for pair in known for values in pair)
+        return lacks
 
     def _of_each(self, values_of: Callable[[EpisodeSource], NDArray[Any]]) -> NDArray[Any]:
         """Return the episodes' values from a function that returns a store's, (N, ...)."""
@@ -233,9 +266,19 @@ def _check_alike(first: EpisodeSource, other: EpisodeSource) -> None:
         ("cameras", sorted(other.config.cameras), sorted(first.config.cameras)),
         ("objects in a scene", other.config.clutter.count, first.config.clutter.count),
         *((name, getattr(other.config, name), getattr(first.config, name)) for name in _SAME),
+        ("room for real episodes", _room(other.config), _room(first.config)),
     ):
         if got != valid:
             raise UsageError(
                 f"{other.path}: {what}: got {shown(got)}, valid: {shown(valid)} as in"
                 f" {first.path}; export them one by one"
             )
+
+
+def _room(config: FactoryConfig) -> str:
+    """Return which time series of real devices a store has."""
+    room = config.capture
+    if room is None:
+        return "none"
+    groups = [group.name for group in series_groups() if group.is_real and group.rate(config)]
+    return f"{', '.join(groups)}; taxels {room.taxel_rows} x {room.taxel_columns}"

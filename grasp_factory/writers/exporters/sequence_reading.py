@@ -23,8 +23,10 @@ def read_back(folder: ExportFolder, place: int) -> dict[str, NDArray[Any]]:
     first = folder.place / f"sequences/{place:06d}_{next(iter(config.cameras))}"
     size = schema.sizes(config, folder.joints)
     found: dict[str, NDArray[Any]] = {}
-    for name, table in tables(folder.joints, config.clutter.count).items():
-        found |= read_table(first / name / "data.csv", table, folder.fields, size)
+    taxels = (size.get("X", 0), size.get("Y", 0))
+    for name, table in tables(folder.joints, config.clutter.count, taxels).items():
+        if any(path in folder.fields for path in table.values()):
+            found |= read_table(first / name / "data.csv", table, folder.fields, size)
     for camera in config.cameras:
         found |= _images_back(folder, folder.place / f"sequences/{place:06d}_{camera}", camera)
     return found

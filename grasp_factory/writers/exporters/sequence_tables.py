@@ -18,12 +18,15 @@ _WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 _POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 
 
-def tables(joints: int, objects: int) -> dict[str, dict[str, str]]:
+def tables(
+    joints: int, objects: int, taxels: tuple[int, int] = (0, 0)
+) -> dict[str, dict[str, str]]:
     """Return by the name of a file's folder: names of columns, separated by commas, to an array.
 
     Args:
         joints: number of joints of the robot.
         objects: number of objects in a scene.
+        taxels: rows and columns of the tactile array of real episodes.
     """
     imu = {
         "timestamp": "imu/timestamp",
@@ -51,11 +54,35 @@ def tables(joints: int, objects: int) -> dict[str, dict[str, str]]:
             ",".join(f"object_{k}_{name}" for k in range(objects) for name in _POSE): "object_pose"
         },
     }
-    return {"imu": imu} | {
-        file: {"timestamp": "streams/timestamp"}
-        | {columns: f"streams/{name}" for columns, name in table.items()}
-        for file, table in streams.items()
+    rows, columns = taxels
+    real = {
+        "force_torque": {",".join(_WRENCH): "force_torque/wrench"},
+        "joints": {
+            numbered("position", joints): "joints/positions",
+            numbered("velocity", joints): "joints/velocities",
+            numbered("torque", joints): "joints/torques",
+            numbered("position_target", joints): "joints/position_targets",
+            **{
+                name: f"joints/{name}"
+                for name in ("gripper_width", "gripper_width_target", "gripper_force")
+            },
+        },
+        "taxels": {
+            ",".join(f"taxel_{x}_{y}" for x in range(rows) for y in range(columns)): (
+                "taxels/pressure"
+            )
+        },
     }
+    own = {name: {"timestamp": f"{name}/timestamp"} | table for name, table in real.items()}
+    return (
+        {"imu": imu}
+        | own
+        | {
+            file: {"timestamp": "streams/timestamp"}
+            | {columns: f"streams/{name}" for columns, name in table.items()}
+            for file, table in streams.items()
+        }
+    )
 
 
 def table_values(

@@ -1,11 +1,12 @@
 """Sequences of a robot data collection: images, CSV files and calibration for each camera.
 
 ``sequences/<episode>_<camera>/`` holds ``rgb/``, ``depth/`` (PNG, 16 bit, mm), ``segmentation/``,
-``data.csv`` in ``imu/``, ``force/``, ``tactile/``, ``robot/`` and ``objects/``,
+``data.csv`` in ``imu/``, ``force/``, ``tactile/``, ``robot/`` and ``objects/``, of stores with real
+episodes also in ``force_torque/``, ``joints/`` and ``taxels/``,
 ``calibration/cam_intrinsics.json``, ``calibration/imu_to_cam_extrinsics.yaml`` (kalibr's names),
 ``metadata.json`` (a list of frames) and ``sync_metadata.json`` (each frame with the IMU's sample
 nearest to it). ``annotations/<episode>.json`` holds label and columns, and ``dataset_info.yaml``
-describes all of it. Timestamps are seconds since the arm started.
+describes all of it. Timestamps are seconds since the arm started, or a real episode began.
 """
 
 from __future__ import annotations
@@ -19,9 +20,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.geometry import Array
+from grasp_factory.core.real_series import REAL_GROUPS
 from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    REAL_SERIES,
     ExportContents,
     Exporter,
     ExportJob,
@@ -64,9 +69,11 @@ def _write_sequence(folder: Path, episode: Episode, camera: str) -> None:
     for name in ("rgb", "depth", "segmentation", "calibration"):
         (folder / name).mkdir(parents=True)
     contents, joints = episode.contents(), episode.streams["joint_positions"].shape[1]
-    for name, table in tables(joints, len(episode.spec.objects)).items():
-        (folder / name).mkdir()
-        write_series(folder / name / "data.csv", table_values(table, contents))
+    taxels = contents.get("taxels/pressure", np.empty((0, 0, 0))).shape[1:]
+    for name, table in tables(joints, len(episode.spec.objects), taxels).items():
+        if values := table_values(table, contents):
+            (folder / name).mkdir()
+            write_series(folder / name / "data.csv", values)
     calibration = intrinsics(episode, camera)
     write_json(folder / "calibration" / "cam_intrinsics.json", calibration)
     kalibr = yaml.safe_dump({"cam0": kalibr_camera(episode, camera)}, sort_keys=False)
@@ -141,10 +148,14 @@ def _imu_at(episode: Episode, timestamp: float) -> dict[str, Any] | None:
 def finish(job: ExportJob, parts: Sequence[None]) -> None:
     """Write the description of the dataset."""
     config, episodes = job.episodes.config, job.episodes
+    is_real = episodes.is_real
+    kinds = [] if is_real.all() else ["simulated"]
+    kinds += ["recorded"] if is_real.any() else []
     splits, counts = np.unique(episodes.column("split"), return_counts=True)
     info: Mapping[str, Any] = {
         "name": episodes.sources[0].path.name,
-        "description": "simulated robot grasps: images, IMU, forces, touch, joints and a label",
+        "description": " and ".join(kinds)
+        + " robot grasps: images, IMU, forces, touch, joints and a label",
         "episodes": len(episodes),
         "successes": int(episodes.column("success").sum()),
         "splits": {str(name): int(count) for name, count in zip(splits, counts, strict=True)},
@@ -154,6 +165,7 @@ def finish(job: ExportJob, parts: Sequence[None]) -> None:
             "imu": config.imu_rate,
             "video": config.video_hz,
             "force, tactile, robot, objects": config.record_hz,
+            **_own_rates(config),
         },
         "units": {
             "timestamp": "s since the arm started",
@@ -172,12 +184,18 @@ def finish(job: ExportJob, parts: Sequence[None]) -> None:
     (job.folder / "dataset_info.yaml").write_text(text, encoding="utf-8")
 
 
+def _own_rates(config: FactoryConfig) -> dict[str, str]:
+    """Return what a store says of the rates of real devices."""
+    groups = [group for group in REAL_GROUPS if group.rate(config)]
+    return {group.name: f"up to {group.rate(config)}; see timestamp" for group in groups}
+
+
 SEQUENCES = Exporter(
     name="sequences",
     description="image sequences with CSV files and kalibr's calibration, one per camera",
     contents=ExportContents(
         written=(
-            *("cameras/*", "videos/*", "imu/*"),
+            *("cameras/*", "videos/*", "imu/*", *REAL_SERIES),
             *(f"streams/{name}" for name in ("timestamp", "joint_*", "gripper_*", "tcp_pose")),
             *(f"streams/{name}" for name in ("phase", "shake_level", "object_pose", "reward")),
             *(f"streams/{name}" for name in ("tactile_wrench", "wrist_wrench", "hand_force")),
@@ -191,6 +209,8 @@ SEQUENCES = Exporter(
             "no grasp": "the columns of the grasp are null in the annotation",
             "no attempt": "two frames, before and after, and CSV files without rows",
             "no video": "two frames, before and after",
+            REAL_ROWS: "imu, force_torque, joints and taxels have each sample at its own time; a"
+            " label or phase of 255 was not measured",
             "T_cam_imu": "constant for a camera on the hand; else that of the first record",
         },
     ),

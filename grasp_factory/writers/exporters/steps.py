@@ -16,14 +16,23 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.errors import UsageError
+from grasp_factory.writers.exporters.base import REAL_SERIES
 from grasp_factory.writers.exporters.selection import Selection
 
 NOT_IN_STEPS = {
     "cameras/*": "the images before and after the attempt belong to no step",
-    "imu/*": "a step has one record of each series, and the IMU has many",
+    **dict.fromkeys(
+        ("imu/*", *REAL_SERIES),
+        "a step has one record of each series, and these devices have many at times of their own",
+    ),
 }
 """What formats of steps leave out, for ``ExportContents.left_out``."""
 RATE = "a step is a video frame with the last record of the streams before it or at the same time"
+"""For ``ExportContents.treatment``."""
+REAL_STEPS = (
+    "a step is an image at the time when it was taken, which is in video_timestamp: steps are not"
+    " evenly spaced; what was not measured, such as commands, is NaN"
+)
 """For ``ExportContents.treatment``."""
 NO_FRAMES = "the robot did not move, so there are no video frames"
 

@@ -24,6 +24,7 @@ from grasp_factory.core.splits import SPLITS
 from grasp_factory.core.text_format import size_text
 from grasp_factory.errors import UsageError
 from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
     ExportContents,
     Exporter,
     ExportJob,
@@ -35,6 +36,7 @@ from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import (
     NO_FRAMES,
     RATE,
+    REAL_STEPS,
     EpisodeSteps,
     observations,
     steps_of,
@@ -219,6 +221,7 @@ TFRECORD = Exporter(
             "no video": "episodes without video frames are not in the files",
             "no grasp": "the robot does not move and there are no video frames",
             "NaN": "kept",
+            REAL_ROWS: REAL_STEPS,
             "truth": "object_pose is the simulator's truth, which a real robot does not observe",
             "language_instruction": "names the family of the target's shape",
         },

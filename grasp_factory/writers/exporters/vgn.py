@@ -25,7 +25,14 @@ from grasp_factory.core.geometry import Array, Pose, inverse, transform
 from grasp_factory.core.linear import product
 from grasp_factory.robots import gripper_of
 from grasp_factory.signals.tsdf import DepthView, tsdf_grid
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    REAL_SERIES,
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.images import camera_of
 from grasp_factory.writers.exporters.json_file import write_json
 from grasp_factory.writers.exporters.overhead_view import without_grasp
@@ -54,17 +61,17 @@ def cameras_of(episodes: Selection, settings: VgnSettings) -> list[str]:
 
 
 def excludes(episodes: Selection, settings: VgnSettings) -> Mapping[str, NDArray[np.bool_]]:
-    """Exclude episodes without a grasp, and those whose grasp has no voxel.
+    """Exclude episodes without a grasp or a calibration, and those whose grasp has no voxel.
 
     Raises:
         UnknownNameError: for an unknown camera.
     """
-    cameras_of(episodes, settings)
+    cameras = cameras_of(episodes, settings)
     pose = (episodes.column("grasp_position"), episodes.column("grasp_quat_xyzw"))
     with np.errstate(invalid="ignore"):
         voxel = np.round(finger_root(*pose, episodes.config, settings) / settings.voxel)
         outside = np.any((voxel < 0) | (voxel >= RESOLUTION), axis=1)
-    return {**without_grasp(episodes), "the grasp is outside the cube": outside}
+    return {**without_grasp(episodes, cameras), "the grasp is outside the cube": outside}
 
 
 def write_part(job: ExportJob, part: ExportPart) -> None:
@@ -190,7 +197,7 @@ VGN = Exporter(
             "cameras/*/segmentation": "the networks see depth only",
             "cameras/*/visibility": "the networks see depth only",
             "streams/*": "the layout has no time series, but the width at the end of a success",
-            "imu/*": "the layout has no time series",
+            **dict.fromkeys(("imu/*", *REAL_SERIES), "the layout has no time series"),
             "videos/*": "the layout has no videos",
         },
         treatment={
@@ -201,6 +208,7 @@ VGN = Exporter(
             "width": "between the pads after a success; of the open gripper after a failure",
             "other objects": "the label is about the target; VGN's also counts another object",
             "no grasp": "the episode is left out",
+            REAL_ROWS: "left out if the grasp's pose was not measured, or a camera not calibrated",
             "grasp outside the cube": "the episode is left out; a larger size has room for it",
         },
     ),

@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from grasp_factory.core.episode import ObjectSpec
 from grasp_factory.core.splits import SPLITS
 from grasp_factory.errors import UsageError
-from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
+from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    REAL_SERIES,
+    ExportContents,
+    Exporter,
+    ExportJob,
+    ExportPart,
+)
 from grasp_factory.writers.exporters.mesh_files import obj_file_text, surface_points, xyz_text
 from grasp_factory.writers.exporters.object_models import (
     ModelKey,
@@ -29,7 +36,12 @@ from grasp_factory.writers.exporters.object_models import (
     number_models,
     write_model_rows,
 )
-from grasp_factory.writers.exporters.object_views import TIMES, ObjectView, of_no_split
+from grasp_factory.writers.exporters.object_views import (
+    TIMES,
+    ObjectView,
+    of_no_split,
+    of_real_objects,
+)
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.ycb_frame import write_frame
 
@@ -48,10 +60,10 @@ PartResult = tuple[dict[str, list[str]], list[str]]
 
 
 def excludes(episodes: Selection, settings: Any) -> dict[str, NDArray[np.bool_]]:
-    """Exclude episodes with two equal objects, and those of an unknown split."""
+    """Exclude real episodes, those with two equal objects, and those of an unknown split."""
     ids = np.sort(np.array(episodes.column("object_ids").tolist()), axis=1)
     is_twice = (ids[:, 1:] == ids[:, :-1]).any(axis=1)
-    return {TWICE: is_twice, **of_no_split(episodes, settings)}
+    return {**of_real_objects(episodes), TWICE: is_twice, **of_no_split(episodes, settings)}
 
 
 def prepare(episodes: Selection, settings: Any) -> dict[ModelKey, NumberedModel]:
@@ -141,7 +153,7 @@ YCB = Exporter(
             "streams/object_pose": "the format's series are images; the last record is the pose in"
             " the images after the attempt",
             "streams/*": "the format has images only",
-            "imu/*": "the format has images only",
+            **dict.fromkeys(("imu/*", *REAL_SERIES), "the format has images only"),
             "videos/*": "its frames are those before and after the attempt, which have depth",
         },
         treatment={
@@ -157,6 +169,7 @@ YCB = Exporter(
             "vertmap": "the files have no vertmap: it follows from depth and pose",
             "split": "an episode is in the split of its target; other objects of the scene may be"
             " of another split",
+            REAL_ROWS: "left out: real objects have no models and no poses",
             "no grasp, no video": "the same as for other episodes",
         },
     ),

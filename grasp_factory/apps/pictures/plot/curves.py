@@ -43,6 +43,11 @@ class TimeMark:
     style: str
 
 
+def is_drawn(groups: Iterable[CurveGroup]) -> bool:
+    """Return whether any group is drawn."""
+    return any(group.key in SHOWN for group in groups)
+
+
 def draw_curves(
     page: PageLayout,
     box: Rect,
@@ -77,7 +82,8 @@ def draw_curves(
         is_last = i == len(shown) - 1
         ax.tick_params(labelbottom=is_last, labelsize=SMALL, length=3, width=0.6)
         if is_last:
-            ax.set_xlabel("time since the arm started, s", fontsize=NORMAL, labelpad=3)
+            start = "the episode began" if episode.is_real else "the arm started"
+            ax.set_xlabel(f"time since {start}, s", fontsize=NORMAL, labelpad=3)
 
 
 def _draw_group(ax: Axes, group: CurveGroup, times: Array, wanted: float | None) -> None:

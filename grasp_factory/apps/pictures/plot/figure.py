@@ -14,11 +14,11 @@ from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
 from grasp_factory.apps.pictures.plot import SIZE, style
-from grasp_factory.apps.pictures.plot.curves import draw_curves
+from grasp_factory.apps.pictures.plot.curves import draw_curves, is_drawn
 from grasp_factory.apps.pictures.plot.pictures import draw_pictures
 from grasp_factory.apps.pictures.plot.style import LARGE, SMALL, PageLayout, drawable
 from grasp_factory.apps.pictures.plot.touch import draw_touch
-from grasp_factory.core.enums import label_names
+from grasp_factory.core.enums import label_names, word_of
 from grasp_factory.core.episode import Episode
 from grasp_factory.signals.plot_series import curve_groups, touch_moments
 
@@ -89,9 +89,9 @@ def facts(episode: Episode) -> list[str]:
             space = "" if unit == "°" else " "
             words.append(f"{what} {value:.{decimals}f}{space}{unit}")
     body = int(columns.get("collision_body", 0))
-    labels = label_names(len(spec.objects))
-    if 0 < body < len(labels):
-        words.append(f"hit the {labels[body]}")
+    touched = word_of(body, label_names(len(spec.objects)))
+    if body and touched:
+        words.append(f"hit the {touched}")
     if spec.objects[0].mass is not None:
         words.append(f"mass {1000.0 * spec.objects[0].mass:.0f} g")
     if columns.get("quality"):
@@ -133,19 +133,22 @@ def _draw_attempt(page: PageLayout, subject: Subject) -> None:
     box = (MARGIN + AXIS, top, side - 2 * MARGIN - AXIS, room)
     draws_touch = "tactile_force" in episode.streams and subject.pad_size is not None
     moments = touch_moments(episode.streams) if draws_touch else ()
-    if episode.n_steps:
-        columns: Any = episode.columns
-        groups = curve_groups(
-            episode.streams, episode.imu, columns["object_com"][0], columns["rest_height"]
-        )
+    columns: Any = episode.columns
+    groups = curve_groups(
+        episode.streams, episode.imu, columns["object_com"][0], columns["rest_height"]
+    )
+    if episode.n_steps and is_drawn(groups):
         draw_curves(page, box, episode, groups, moments)
     else:
         words = episode.outcome.name.lower().replace("_", " ")
+        why = (
+            "Neither joints, forces nor an IMU were recorded"
+            if episode.is_real
+            else f"The attempt ended before the arm moved ({words}): there is no record of it"
+        )
         page.text(
-            box[0] + box[2] / 2, top + room / 3,
-            f"The attempt ended before the arm moved ({words}): there is no record of it",
-            size=12, color=style.PALE, align="center",
-        )  # fmt: skip
+            box[0] + box[2] / 2, top + room / 3, why, size=12, color=style.PALE, align="center"
+        )
     bottom = draw_pictures(page, (side, top, SIDE), episode, subject.camera)
     if subject.pad_size is not None and episode.n_steps:
         height = page.height - FOOT - bottom

@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.plot import style
 from grasp_factory.apps.pictures.plot.style import NORMAL, SMALL, PageLayout
-from grasp_factory.core.enums import label_names
+from grasp_factory.core.enums import UNKNOWN, label_names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array
 
@@ -67,6 +67,10 @@ def _draw_depth(
     far: float,
     bar: tuple[float, float, float],
 ) -> None:
+    if np.isnan(frames.depth).all():
+        for ax in axes:
+            _draw_nothing(ax, frames)
+        return
     near_and_far = painting.depth_span(frames.depth, frames.segmentation, far)
     span = Normalize(*near_and_far)
     colors = mpl.colormaps["viridis_r"].with_extremes(bad=style.NOTHING)
@@ -85,6 +89,10 @@ def _draw_depth(
 
 
 def _draw_labels(axes: list[Axes], frames: CameraFrames, objects: int) -> None:
+    if (frames.segmentation == UNKNOWN).all():
+        for ax in axes:
+            _draw_nothing(ax, frames)
+        return
     palette = painting.label_palette()[:, ::-1]
     for ax, labels in zip(axes, frames.segmentation, strict=True):
         ax.imshow(palette[labels], interpolation="nearest", aspect="equal")
@@ -98,6 +106,17 @@ def _draw_labels(axes: list[Axes], frames: CameraFrames, objects: int) -> None:
         handles=patches, loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=6, frameon=False,
         fontsize=SMALL, borderaxespad=0.4, borderpad=0.0, handlelength=0.9, handleheight=0.9,
         handletextpad=0.4, columnspacing=1.0,
+    )  # fmt: skip
+
+
+def _draw_nothing(ax: Axes, frames: CameraFrames) -> None:
+    """Say that an image was not measured."""
+    height, width = frames.depth.shape[1:]
+    ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
+    ax.set_facecolor(style.GRID)
+    ax.text(
+        0.5, 0.5, "not measured", transform=ax.transAxes, ha="center", va="center",
+        fontsize=NORMAL, color=style.PALE,
     )  # fmt: skip
 
 

@@ -13,7 +13,13 @@ from matplotlib.colors import Normalize
 from grasp_factory.apps.pictures.plot import style
 from grasp_factory.apps.pictures.plot.style import SMALL, PageLayout, Rect
 from grasp_factory.core.geometry import Array
-from grasp_factory.signals.plot_series import PADS, Moment, Series, pad_forces
+from grasp_factory.signals.plot_series import (
+    PADS,
+    Moment,
+    Series,
+    pad_forces,
+    touch_was_measured,
+)
 from grasp_factory.signals.touch import center_of_pressure, taxel_image
 
 COLUMNS = 6
@@ -36,7 +42,8 @@ def draw_touch(
     left, top, width, height = box
     page.text(left, top + 12, "touch: normal force on the pads", weight="bold")
     if not moments:
-        page.text(left, top + 40, "nothing touched the pads", color=style.PALE)
+        felt = "nothing touched the pads" if touch_was_measured(streams) else "not measured"
+        page.text(left, top + 40, felt, color=style.PALE)
         return
     rows = taxel_rows(pad_size)
     images = [_image(streams, pad_size, moment) for moment in moments]

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
+    REAL_SERIES,
     ExportContents,
     Exporter,
     ExportFolder,
@@ -64,6 +66,7 @@ LEROBOT = Exporter(
             "cameras/*/intrinsics",
             "cameras/*/T_world_camera",
             "cameras/*/visibility",
+            *REAL_SERIES,
         ),
         left_out={
             "cameras/*/rgb": "a frame belongs to the attempt; these are from before and after it",
@@ -82,6 +85,10 @@ LEROBOT = Exporter(
             "truth": "what a robot does not measure is named truth.*, and contact points and"
             " commands streams.*: policies take only observation.*",
             "constants": "arrays that are no series, such as intrinsics, are in extras/",
+            REAL_ROWS: "a frame is the latest image at the time (frame_index + 1) / fps, and"
+            " videos.timestamp says when it was taken; imu, force_torque, joints and taxels of a"
+            " store that may hold them are complete in extras/, at their own times; what was not"
+            " measured, such as commands, is NaN",
             "numbers": "exact in the files; LeRobot's items have float32 in place of float64",
             "NaN": "kept; statistics leave it out",
             "statistics": "of observation*, action, next.* and the indices; a window's are over"

@@ -13,6 +13,7 @@ from grasp_factory.writers.exporters.lerobot.features import (
     IMAGES,
     LeRobotFeature,
     is_constant,
+    own_series,
     windowed_series,
 )
 from grasp_factory.writers.exporters.lerobot.frame_files import CODEC_NAMES, PIXELS
@@ -98,6 +99,7 @@ def _arrays(episodes: Selection) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield where each array of the store is, and what it means."""
     places = {one.field.path: (one.name, one.per_frame) for one in windowed_series(episodes)}
     places |= {f"videos/{name}/rgb": (f"{IMAGES}{name}", 1) for name in episodes.config.cameras}
+    own = {field.path for field in own_series(episodes)}
     for path, field in episodes.fields.items():
         meaning = {
             "dtype": field.dtype,
@@ -109,5 +111,5 @@ def _arrays(episodes: Selection) -> Iterator[tuple[str, dict[str, Any]]]:
         if path in places:
             feature, per_frame = places[path]
             yield path, {"feature": feature, "records_per_frame": per_frame, **meaning}
-        elif is_constant(field):
+        elif is_constant(field) or path in own:
             yield path, {"extras": path, **meaning}

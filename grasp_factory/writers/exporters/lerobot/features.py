@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.field import Field
 from grasp_factory.core.mp4_file import even_size
-from grasp_factory.core.sensors import series_groups
 from grasp_factory.writers.exporters.base import ExportFolder
+from grasp_factory.writers.exporters.lerobot.even_frames import windowed_groups
 from grasp_factory.writers.exporters.lerobot.lerobot_settings import IMAGE
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import EpisodeSteps
@@ -79,15 +79,24 @@ class WindowedSeries:
 
 
 def windowed_series(episodes: Selection | ExportFolder) -> Iterator[WindowedSeries]:
-    """Yield the series that the stores have, other than the videos' images."""
+    """Yield the series that are divided among the frames, other than the videos' images."""
     config = episodes.config
-    rates = {group.name: group.rate(config) for group in series_groups()}
+    rates = {group.name: group.rate(config) for group in windowed_groups(config)}
     for path, field in episodes.fields.items():
         group = path.partition("/")[0]
         if rates.get(group) and field.length_column and not field.is_video:
             yield WindowedSeries(
                 name=_feature_name(path), field=field, per_frame=rates[group] // config.video_hz
             )
+
+
+def own_series(episodes: Selection | ExportFolder) -> Iterator[Field]:
+    """Yield the series at the devices' own times, which no frame has."""
+    divided = {group.name for group in windowed_groups(episodes.config)}
+    for path, field in episodes.fields.items():
+        is_series = field.length_column and not path.startswith("episodes/")
+        if is_series and path.partition("/")[0] not in divided:
+            yield field
 
 
 def _feature_name(path: str) -> str:

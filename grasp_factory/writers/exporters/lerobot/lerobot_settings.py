@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.optional import require
-from grasp_factory.core.sensors import VIDEOS, series_groups
+from grasp_factory.core.sensors import VIDEOS
 from grasp_factory.core.serialization import check, check_range
 from grasp_factory.errors import UsageError
 from grasp_factory.writers.exporters.base import parts_of
+from grasp_factory.writers.exporters.lerobot.even_frames import frame_counts, windowed_groups
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import NO_FRAMES, without_frames
 
@@ -49,17 +50,18 @@ def excludes(episodes: Selection, settings: LeRobotSettings) -> Mapping[str, NDA
     """
     if settings.video == AV1:
         require("av", extra="av")
-    found = {NO_FRAMES: without_frames(episodes)}
-    frames = episodes.column(VIDEOS.count).astype(np.int64)
-    rates = {group: group.rate(episodes.config) for group in series_groups()}
-    for group, rate in rates.items():
-        if not rate:
+    no_images, frames = without_frames(episodes), frame_counts(episodes)
+    found = {NO_FRAMES: no_images | (frames == 0)}
+    fps = episodes.config.video_hz
+    for group in windowed_groups(episodes.config):
+        if group is VIDEOS:
             continue
-        per_frame, rest = divmod(rate, rates[VIDEOS])
+        rate = group.rate(episodes.config)
+        per_frame, rest = divmod(rate, fps)
         if rest:
             raise UsageError(
                 f"{episodes.sources[0].path}: the rate of {group.name} is {rate} Hz, valid: a"
-                f" multiple of the videos' rate, which is {rates[VIDEOS]} Hz; generate a dataset"
+                f" multiple of the videos' rate, which is {fps} Hz; generate a dataset"
                 " with --video-hz 10"
             )
         found[f"{group.title} end before the last frame"] = (

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.sensors import VIDEOS
+from grasp_factory.writers.exporters.lerobot.even_frames import frame_counts
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import task_text
 
@@ -42,7 +42,7 @@ class FrameNumbering:
 
 def numbering_of(episodes: Selection) -> FrameNumbering:
     """Return the numbers of all frames and tasks; every process finds the same."""
-    frames = episodes.column(VIDEOS.count).astype(np.int64)
+    frames = frame_counts(episodes)
     texts = [task_text(str(family)) for family in episodes.column("object_family")]
     tasks = tuple(sorted(set(texts)))
     number = {text: k for k, text in enumerate(tasks)}

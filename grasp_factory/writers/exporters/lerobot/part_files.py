@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.writers.exporters.base import ExportJob, ExportPart
+from grasp_factory.writers.exporters.lerobot.even_frames import with_even_frames
 from grasp_factory.writers.exporters.lerobot.features import (
     IMAGES,
     LeRobotFeature,
@@ -18,6 +19,7 @@ from grasp_factory.writers.exporters.lerobot.features import (
     constants_of,
     features_of,
     frame_values,
+    own_series,
     windowed_series,
 )
 from grasp_factory.writers.exporters.lerobot.frame_files import image_store
@@ -66,7 +68,8 @@ def write_part_files(job: ExportJob, part: ExportPart) -> LeRobotPart:
     features: dict[str, LeRobotFeature] = {}
     data = new_file(job.folder, DATA, ".parquet", part.number)
     with parquet_file(data) as append, image_store(job, part.number) as store_images:
-        for place, episode in part.episodes:
+        for place, stored in part.episodes:
+            episode = with_even_frames(stored)
             steps = steps_of(episode)
             values = frame_values(episode, steps, series) | numbering.columns(place)
             features = features_of(job.episodes, values, job.settings.video)
@@ -157,6 +160,6 @@ def _extras(
 ) -> dict[str, NDArray[Any]]:
     """Return what belongs to no frame of an episode, by path in the store."""
     contents, frames = episode.contents(), len(steps.timestamp)
-    return {
-        path: one.after_frames(contents[path], frames) for path, one in series.items()
-    } | constants_of(job.episodes, episode)
+    after = {path: one.after_frames(contents[path], frames) for path, one in series.items()}
+    own = {field.path: contents[field.path] for field in own_series(job.episodes)}
+    return after | own | constants_of(job.episodes, episode)

@@ -13,15 +13,19 @@ from numpy.typing import NDArray
 from grasp_factory.core.limits import IMPORT_FILE
 from grasp_factory.core.place import Place
 from grasp_factory.core.schema import shape, sizes
+from grasp_factory.core.sensors import VIDEOS
 from grasp_factory.writers.exporters.base import ExportFolder
 from grasp_factory.writers.exporters.images import decode_png
-from grasp_factory.writers.exporters.lerobot.features import IMAGES, windowed_series
+from grasp_factory.writers.exporters.lerobot.features import IMAGES, own_series, windowed_series
 from grasp_factory.writers.exporters.lerobot.lerobot_settings import IMAGE
 from grasp_factory.writers.exporters.lerobot.numbering import DATA, EXTRAS, file_name
 
 
 def read_back(folder: ExportFolder, place: int) -> dict[str, NDArray[Any]]:
     """Return the series of an episode by path; images only if they are stored as PNG.
+
+    In a store that may hold real episodes, frames are not the images that a camera took, so nothing
+    of the videos is returned.
 
     Args:
         folder: the export.
@@ -33,12 +37,18 @@ def read_back(folder: ExportFolder, place: int) -> dict[str, NDArray[Any]]:
     """
     part, row = divmod(place, folder.settings.episodes_per_file)
     data, extras = (folder.place / file_name(name, ".parquet", part) for name in (DATA, EXTRAS))
-    size, series = sizes(folder.config, folder.joints), list(windowed_series(folder))
-    cameras = folder.config.cameras if folder.settings.video == IMAGE else ()
+    size, own = sizes(folder.config, folder.joints), list(own_series(folder))
+    series = [one for one in windowed_series(folder) if _is_exact(folder, one.field.path)]
+    has_images = folder.settings.video == IMAGE and not folder.config.capture
+    cameras = folder.config.cameras if has_images else ()
     try:
         frames = _row_group(data, row, [one.name for one in series] + [*map(_image, cameras)])
-        after = _row(extras, row, [one.field.path for one in series])
-        found = {}
+        kept = [*(one.field for one in series), *own]
+        after = _row(extras, row, [field.path for field in kept])
+        found = {
+            field.path: _numbers(after[field.path], shape(field, size)[1:]).astype(field.dtype)
+            for field in own
+        }
         for one in series:
             tail = shape(one.field, size)[1:]
             values = [
@@ -49,6 +59,11 @@ def read_back(folder: ExportFolder, place: int) -> dict[str, NDArray[Any]]:
         return found | {f"videos/{name}/rgb": _images(folder, frames, name) for name in cameras}
     except pa.ArrowException as error:
         raise ValueError(f"{place}: {error}") from None
+
+
+def _is_exact(folder: ExportFolder, path: str) -> bool:
+    """Return whether frames have a series as it was in the store."""
+    return not (folder.config.capture and path.startswith(f"{VIDEOS.name}/"))
 
 
 def _image(camera: str) -> str:

@@ -41,18 +41,19 @@ def episode_text(scene: BagScene) -> StampedMessage:
 
 
 def label_marker(scene: BagScene) -> StampedMessage:
-    """Return the outcome as text at the grasp; without a grasp, where the target lay."""
+    """Return the outcome as text at the grasp, else where the target lay, else at the origin."""
     topic = Topic(name="/label", kind="visualization_msgs/msg/Marker", is_latched=True)
     episode, make = scene.episode, scene.make
     grasp = np.asarray(episode.columns["grasp_position"], np.float64)
     place = grasp if np.isfinite(grasp).all() else episode.columns["object_rest_pose"][0, :3]
+    place = np.zeros(3) if episode.is_real and np.isnan(place).any() else np.asarray(place)
     red, green, blue = _GREEN if episode.success else _RED
     marker = make(
         topic.kind,
         header=make.header(START_NS, "world"),
         ns="label",
         type=_TEXT,
-        pose=make.pose([*np.asarray(place).tolist(), 0.0, 0.0, 0.0, 1.0]),
+        pose=make.pose([*place.tolist(), 0.0, 0.0, 0.0, 1.0]),
         scale=make.vector([0.0, 0.0, _TEXT_HEIGHT_M]),
         color=make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0),
         text=f"{episode.outcome.name.lower()}: {episode.columns['object_id']}",
@@ -73,7 +74,9 @@ def static_transforms(scene: BagScene) -> StampedMessage:
             T_world_camera = episode.cameras[camera].T_world_camera[0]
             frames.append(("world", scene.cameras[camera], T_world_camera))
     transforms = [
-        scene.make.transform(START_NS, parent, child, _pose(T)) for parent, child, T in frames
+        scene.make.transform(START_NS, parent, child, _pose(T))
+        for parent, child, T in frames
+        if np.isfinite(T).all() or not episode.is_real
     ]
     return StampedMessage(START_NS, topic, scene.make(topic.kind, transforms=transforms))
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.serialization import check
 from grasp_factory.writers.exporters.base import (
+    REAL_ROWS,
     ExportContents,
     Exporter,
     ExportFolder,
@@ -84,10 +85,13 @@ def read_ros2_back(folder: ExportFolder, place: int) -> Mapping[str, NDArray[Any
 _CONTENTS = ExportContents(
     written=("*",),
     treatment={
-        "time": "a stamp is 1 s plus the simulation time, rounded to 1 ns; the exact times are in"
-        " /streams/timestamp, /imu/timestamp and /videos/timestamp",
+        "time": "a stamp is 1 s plus the time since the start, rounded to 1 ns; the exact times are"
+        " in /streams/timestamp, /imu/timestamp and /videos/timestamp",
+        REAL_ROWS: "devices have each sample at its own time, and its exact time in the topic"
+        " timestamp of each group; poses that were not measured are not in /tf and /tf_static, and"
+        " null in the JSON of /episode",
         "NaN": "kept in messages, null in the JSON of /episode",
-        "no grasp": "/label is where the target lay",
+        "no grasp": "/label is where the target lay, or at the origin",
         "no attempt": "the images after have the stamp of those before, and there is no series",
         "no video": "there are no topics of the videos",
         "standard messages": "float32 becomes float64, which holds the same value; what fits none"

@@ -71,6 +71,8 @@ def _poses(scene: BagScene, stamp: int, poses: Array) -> Fields:
 def _transforms(scene: BagScene, stamp: int, tcp: Array, objects: Array) -> Fields:
     poses = {"tcp": tcp.tolist()}
     poses |= {f"object_{k}": pose for k, pose in enumerate(objects.reshape(-1, 7).tolist())}
+    if scene.episode.is_real:
+        poses = {name: pose for name, pose in poses.items() if not any(map(math.isnan, pose))}
     made = [scene.make.transform(stamp, "world", name, pose) for name, pose in poses.items()]
     return {"transforms": made}
 
@@ -186,6 +188,21 @@ SERIES = (
         fields=_imu,
         rows=message_rows.imu,
         frame="imu",
+    ),
+    SeriesTopic(
+        name="/force_torque/wrench",
+        kind=_WRENCH,
+        arrays=("force_torque/wrench",),
+        fields=_wrench,
+        rows=message_rows.wrench,
+        frame="ft_sensor",
+    ),
+    SeriesTopic(
+        name="/joints/state",
+        kind=_JOINT_STATE,
+        arrays=("joints/positions", "joints/velocities", "joints/torques"),
+        fields=_joints,
+        rows=message_rows.joint_state,
     ),
 )
 
