@@ -49,7 +49,7 @@ def stores(tmp_path_factory: pytest.TempPathFactory) -> MixedStores:
 
 
 def export(exporter: Exporter, store: Path, out: Path) -> Exported:
-    dataset = Dataset.open(store, checked=True)
+    dataset = Dataset(store, checked=True)
     names = {field.name for field in dataclasses.fields(exporter.parameters)}
     settings = {name: value for name, value in SETTINGS.items() if name in names}
     return run_export(exporter, [(dataset, dataset.committed.tolist())], out, settings)
@@ -93,7 +93,7 @@ class TestEveryExporter:
     def test_every_array_of_real_episodes_is_written_or_left_out_for_a_reason(
         self, name: str, stores: MixedStores
     ) -> None:
-        fields = Dataset.open(stores.both).fields.values()
+        fields = Dataset(stores.both).fields.values()
         assert EXPORTERS[name].contents.not_mentioned(fields) == []
 
 
@@ -106,7 +106,7 @@ def test_what_is_read_back_is_what_was_written(
     assert found.episodes == 4
     if not found.not_held:
         assert found.same == 4
-    before, after = Dataset.open(stores.both)[REAL_ROW], Dataset.open(found.path)[REAL_ROW]
+    before, after = Dataset(stores.both)[REAL_ROW], Dataset(found.path)[REAL_ROW]
     wanted, got = before.contents(), after.contents()
     lost = {path.partition("/")[0] for path in found.not_held}
     for path in wanted.keys() - set(found.not_held):
@@ -132,7 +132,7 @@ def test_a_word_is_none_where_nothing_was_measured() -> None:
 def test_stores_with_and_without_room_for_real_episodes_are_not_exported_together(
     stores: MixedStores, tmp_path: Path
 ) -> None:
-    chosen = [(Dataset.open(path), [0]) for path in (stores.simulated, stores.real)]
+    chosen = [(Dataset(path), [0]) for path in (stores.simulated, stores.real)]
     with pytest.raises(UsageError, match=r"room for real episodes: got .*valid: 'none'"):
         run_export(EXPORTERS["webdataset"], chosen, tmp_path / "out", {})
 
@@ -185,11 +185,11 @@ def test_a_part_of_a_mixed_store_is_a_store(stores: MixedStores, run: Run, tmp_p
     code, _, err = run("split", stores.both, out, "--where", "source=real")
     assert code == 0, err
     assert verify(out).problems == ()
-    assert len(Dataset.open(out)) == 2
+    assert len(Dataset(out)) == 2
 
 
 def test_points_without_a_calibration_are_refused_in_one_line(stores: MixedStores) -> None:
-    dataset = Dataset.open(stores.both)
+    dataset = Dataset(stores.both)
     assert len(dataset.point_cloud(0))
     with pytest.raises(UsageError, match=rf"episode {REAL_ROW} is real, and its camera front has"):
         dataset.point_cloud(REAL_ROW)

@@ -64,7 +64,7 @@ def make_mixed_stores(folder: Path) -> MixedStores:
         both=folder / "both.zarr",
     )
     generate(FactoryConfig.from_plain(SETTINGS), SIMULATED, made.simulated, workers=1)
-    base, listed = Dataset.open(made.simulated).config, read_cuts(cuts)
+    base, listed = Dataset(made.simulated).config, read_cuts(cuts)
     import_session(made.session, made.alone, settings, listed=listed)
     import_session(made.session, made.real, settings, base=base, listed=listed)
     merge([made.simulated, made.real], made.both)
