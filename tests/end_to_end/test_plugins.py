@@ -209,7 +209,7 @@ def test_info_shows_the_source_with_escapes(tmp_path: Path) -> None:
     hostile = FILES["my_policy.py"] + "# \x1b[2J\n"
     (tmp_path / "my_policy.py").write_text(hostile)
     assert make(tmp_path, "a.zarr", "--policy", "my_policy.py:plan", n=1).returncode == 0
-    said = command(tmp_path, "info", "a.zarr").stdout
+    said = command(tmp_path, "info", "a.zarr", "--full").stdout
     assert "policy my_policy_plan  my_policy.py:plan  SHA-256 " in said
     assert "    def plan(" in said
     assert "# \\x1b[2J" in said

@@ -144,7 +144,7 @@ class Selection:
         """Which episodes were recorded with real devices, (n,)."""
 
         def is_real(source: EpisodeSource) -> NDArray[np.bool_]:
-            if SOURCE not in source.fields:
+            if SOURCE not in source.features:
                 return np.zeros(len(source.column("status")), np.bool_)
             real: NDArray[np.bool_] = source.column("source") == Source.REAL
             return real
