@@ -114,6 +114,15 @@ def test_a_path_that_is_named_exists(page: Path) -> None:
         assert file.with_suffix(".py").is_file(), name
 
 
+TEST = re.compile(r"(tests/[\w/]+\.py)::(\w+)")
+
+
+@every_page
+def test_a_test_that_is_named_exists(page: Path) -> None:
+    for file, name in TEST.findall(text_of(page)):
+        assert f"def {name}(" in text_of(REPOSITORY / file), f"{page.name} names {file}::{name}"
+
+
 def test_a_page_that_the_code_or_the_changelog_names_exists() -> None:
     for file in (*modules(), REPOSITORY / "CHANGELOG.md"):
         for path in re.findall(r"[\w/-]+\.md\b", text_of(file)):

@@ -56,7 +56,7 @@ def session(folder: Path, *, label: str | None = None, marks: bool = True, **set
     frames = [rng.integers(0, 255, (*SIZE, 3), np.uint8) for _ in range(int(SECONDS * 10))]
     depths = [np.full(SIZE, 700 + k, np.uint16) for k in range(len(frames))]
     depths[0][0, 0] = 0
-    made.camera(frames, 10.0, name="front", depth=depths)
+    made.camera(frames, rate=10.0, name="front", depth=depths)
     count = int(SECONDS * 200)
     made.imu(rng.normal(size=(count, 3)), rng.normal(size=(count, 3)), 200.0, clock=1.00002)
     at = np.arange(int(SECONDS * 500)) / 500.0

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.capture.bags.payloads import taxels_of
+from grasp_factory.capture.bags.payloads import taxel_reading
 from grasp_factory.capture.privacy.camera_images import is_camera_image
 from grasp_factory.capture.ros_messages import IMAGE, JOINT_STATE, decoded
 from grasp_factory.capture.samples import DeviceKind
@@ -144,7 +144,7 @@ class _Collector:
     def _add_taxels(self, message: SessionMessage) -> None:
         topic = message.topic
         try:
-            frame = taxels_of(topic.message_type, decoded(message)).pressure.astype(np.float32)
+            frame = taxel_reading(decoded(message)).pressure.astype(np.float32)
         except ValueError as error:
             raise CaptureError(f"{shown(topic.name)}: {error}") from None
         frames = self.taxels.setdefault(topic.name, [])
