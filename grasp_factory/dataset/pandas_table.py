@@ -42,7 +42,6 @@ def _cells(field: Field, values: NDArray[Any]) -> Any:
     if values.ndim > 1:
         return list(values)
     if field.names:
-        codes: Any = np.where(values < len(field.names), values.astype(int), -1)
-        words: Any = list(field.names)
-        return pandas.Categorical.from_codes(codes, categories=words)
+        codes = np.where(values < len(field.names), values.astype(int), -1)
+        return pandas.Categorical.from_codes(codes, pandas.Index(field.names))
     return values.tolist() if values.dtype.kind == "T" else values

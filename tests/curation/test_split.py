@@ -250,6 +250,19 @@ class TestCommand:
             (("--where", "split="), "--where split: got None, valid: a value, or"),
             (("--where", "split=[a"), "--where split is not valid YAML"),
             (("--where", "split=nope"), "no row has split 'nope' (valid: test, train, val)"),
+            (
+                ("--where", "policy=topdown"),
+                "no row has policy 'topdown'; did you mean 'top_down'?",
+            ),
+            (
+                ("--where", "split=val,test"),
+                "no row has split 'val,test'; for any of several: [val,",
+            ),
+            (
+                ("--where", "split=val", "--where", "split=train"),
+                "--where 'split=val' and 'split=train': no episode has both, valid: "
+                "split=[val,train] for any of them",
+            ),
             (("--where", "object_com=1"), "where: object_com has (1, 3) values a row, valid: one"),
             (("--episodes", "1", "--where", "seed=4"), "no episodes of store are chosen"),
         ],

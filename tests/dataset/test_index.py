@@ -23,6 +23,7 @@ import numpy as np
 import pytest
 from support.fake_episodes import JOINTS, make_rows, make_spec, small_config
 
+from grasp_factory.cli.query import SHOWN
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Outcome, names
@@ -724,6 +725,55 @@ class TestCommands:
         head, *lines = out.splitlines()
         assert head.split()[:3] == ["row", "outcome", "object_id"]
         assert [line.split()[0] for line in lines] == ["0", "1", "2"]
+
+    def test_the_table_has_the_columns_that_are_asked_for(self, run: Run, store: Path) -> None:
+        words = ("--where", "slip_distance!=null", "--where", "policy!=null", "--sort=-object_mass")
+        _, out, _ = run("query", store, *words)
+        head = out.splitlines()[0].split()
+        assert head == [*SHOWN[:-1], "slip_distance", "object_mass", SHOWN[-1]]
+        _, out, _ = run("query", store, *words, "--columns", "row")
+        assert out.splitlines()[0] == "row"
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (["policy=topdown"], "no row has policy 'topdown'; did you mean 'top_down'? (valid: "),
+            (["policy=[uniform,topdown]"], "no row has policy 'topdown'; did you mean 'top_down'?"),
+            (["split=val,test"], "unknown split 'val,test'; for any of several: [val,test] (valid"),
+            (
+                ["split=val", "row>2", "split=[test,train]"],
+                "split='val' and split='test,train': no row has both, valid: split=[val,test,train]"
+                " for any of them",
+            ),
+            (["row=1", "row=2"], "row='1' and row='2': no row has both, valid: row=[1,2] for any"),
+            (["lift>0"], "unknown column 'lift'; did you mean 'lift_height'? (valid: "),
+        ],
+    )
+    @pytest.mark.parametrize("output", [[], ["--ids"], ["--count"]], ids=str)
+    def test_what_no_row_can_fulfil_is_an_error(
+        self, run: Run, store: Path, words: list[str], message: str, output: list[str]
+    ) -> None:
+        conditions = [part for word in words for part in ("--where", word)]
+        code, out, err = run("query", store, *conditions, *output)
+        assert (code, out) == (2, "")
+        assert err.startswith(f"Error: {message}")
+        assert err.count("\n") == 1
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ["policy!=topdown"],
+            ["policy~topdown"],
+            ["split=[val,test]", "split=[test,train]"],
+            ["tags=odd", "tags=rare"],
+            ["created_at=2026", "created_at=2026-03"],
+            ["policy=null"],
+        ],
+        ids=str,
+    )
+    def test_what_a_row_could_fulfil_is_none(self, run: Run, store: Path, words: list[str]) -> None:
+        conditions = [part for word in words for part in ("--where", word)]
+        assert run("query", store, *conditions)[0] == 0
 
     def test_the_table_of_several_stores_says_which_is_which(
         self, run: Run, store: Path, plain: Path, tmp_path: Path
