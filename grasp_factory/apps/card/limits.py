@@ -17,8 +17,8 @@ _BOX_INERTIA = {"blobs", "classic"}
 """Object sets whose inertia is that of the bounding box."""
 
 _LABEL_OF_REAL = (
-    "The label of a real episode is the operator's word, else what the gripper's width and the force"
-    " at the wrist say: the columns label_operator, label_gripper and label_force."
+    "The label of a real episode is the operator's word, else what the gripper's width and the"
+    " force at the wrist say: the columns label_operator, label_gripper and label_force."
 )
 _SAMPLE = (
     "How often each class occurs follows from what was recorded, not from how hard grasping is."
