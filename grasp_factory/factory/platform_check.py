@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.platforms import ACCEPT, difference, fingerprint_of
+from grasp_factory.core.real_columns import Source
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, StoreMismatchError
 from grasp_factory.factory.block_job import shard_rows
@@ -25,12 +26,18 @@ def check_platform(request: Request) -> None:
     If the request accepts another platform, this warns instead of raising.
 
     Raises:
-        StoreMismatchError: if the bytes differ, or that cannot be known.
+        StoreMismatchError: if the bytes differ, or that cannot be known, or the store holds real
+            episodes.
     """
     path = request.out
     if not (locate(path) / "zarr.json").exists() or not len(rows_to_make(request)):
         return
-    attributes = Dataset(path).attributes
+    dataset = Dataset(path)
+    if "source" in dataset.columns and (dataset.column("source") == Source.REAL).any():
+        raise StoreMismatchError(
+            f"{path} holds real episodes: generate into another store with --out, then merge both"
+        )
+    attributes = dataset.attributes
     known = fingerprint_of(attributes)
     found = difference(known, fingerprint(request.config))
     if not found:

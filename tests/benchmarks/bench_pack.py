@@ -32,7 +32,7 @@ def data_files(store: Path) -> Iterator[Path]:
 
 def packing(source: Path, out: Path, shard: int) -> None:
     """Pack in this process, and print its time and memory."""
-    Dataset.open(source).column("checksum")  # imports are not counted
+    Dataset(source).column("checksum")  # imports are not counted
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     started, cpu = time.perf_counter(), time.process_time()
     rows = pack_store(source, out, shard).rows
@@ -64,7 +64,7 @@ def main() -> None:
             sizes = [file.stat().st_size for file in data_files(store)]
             small = sum(size < 1000 for size in sizes)
             print(f"{store.name}: {len(sizes)} files, {small} below 1 kB, {sum(sizes)} bytes")
-        same = [Dataset.open(store).column("checksum").tolist() for store in (a, b)]
+        same = [Dataset(store).column("checksum").tolist() for store in (a, b)]
         print("equal" if same[0] == same[1] else "DIFFERENT")
     finally:
         shutil.rmtree(folder)

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from support.grasp_sessions import SIZE
-from support.mixed_stores import REAL_ROW, MixedStores, make_mixed_stores
+from support.mixed_stores import REAL_ROW, SIMULATED, MixedStores, make_mixed_stores
 
 from grasp_factory.apps.browse.app import create_app
 from grasp_factory.apps.browse.image_files import KINDS
@@ -93,7 +95,7 @@ class TestEveryExporter:
     def test_every_array_of_real_episodes_is_written_or_left_out_for_a_reason(
         self, name: str, stores: MixedStores
     ) -> None:
-        fields = Dataset(stores.both).fields.values()
+        fields = Dataset(stores.both).features.values()
         assert EXPORTERS[name].contents.not_mentioned(fields) == []
 
 
@@ -195,3 +197,52 @@ def test_points_without_a_calibration_are_refused_in_one_line(stores: MixedStore
         dataset.point_cloud(REAL_ROW)
     assert np.isnan(dataset.calibration(REAL_ROW, "front", 0)[0]).all()
     assert dataset.image(REAL_ROW, "front", "rgb", 0).shape == (*SIZE, 3)
+
+
+FOUND: dict[str, tuple[int, ...]] = {
+    "recording~ses": (2, REAL_ROW),
+    "started>1700000000.5": (REAL_ROW,),
+    "duration=3.9": (REAL_ROW,),
+    "recorded_duration>1": (REAL_ROW,),
+    "recorded_scenario=kitchen": (2, REAL_ROW),
+    "task=pick": (2, REAL_ROW),
+    "success=true": (REAL_ROW,),
+    "weather=rain": (2, REAL_ROW),
+    "operator=op1": (2, REAL_ROW),
+    "recorded_sensor_setup~tripod": (2, REAL_ROW),
+    "data_quality=3": (REAL_ROW,),
+    "created_at<2000": (),
+    "file_size_mb<0": (),
+    "label_operator=no_contact": (2,),
+    "source=simulated": tuple(range(SIMULATED)),
+}
+
+
+@pytest.mark.parametrize("condition", FOUND)
+def test_each_column_of_an_index_of_bags_can_be_queried(
+    stores: MixedStores, run: Run, condition: str
+) -> None:
+    code, out, err = run("query", stores.both, "--where", condition, "--json")
+    assert code == 0, err
+    assert {row["row"] for row in json.loads(out)["rows"]} == set(FOUND[condition])
+
+
+def test_tags_of_real_rows_can_be_queried(stores: MixedStores, run: Run, tmp_path: Path) -> None:
+    copy = tmp_path / "both.zarr"
+    shutil.copytree(stores.both, copy)
+    assert run("tag", copy, "--episodes", REAL_ROW, "--add", "wet")[0] == 0
+    _, out, _ = run("query", copy, "--where", "tags=wet", "--json")
+    assert [row["row"] for row in json.loads(out)["rows"]] == [REAL_ROW]
+
+
+def test_more_rows_are_not_generated_into_real_ones(
+    stores: MixedStores, run: Run, tmp_path: Path
+) -> None:
+    code, _, err = run("generate", "--n", 8, "--out", stores.both)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "was put together from other stores" in err
+    config = tmp_path / "config.yaml"
+    config.write_text(yaml.safe_dump(Dataset(stores.alone).config.to_plain()))
+    code, _, err = run("generate", "--config", config, "--n", 8, "--out", stores.alone)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "holds real episodes: generate into another store" in err

@@ -78,7 +78,7 @@ def test_what_is_not_held_is_empty_and_listed(
     for episode in after:
         contents = episode.contents()
         for path in not_held:
-            values, fill = contents[path], after.fields[path].fill
+            values, fill = contents[path], after.features[path].fill
             np.testing.assert_array_equal(values, np.full(values.shape, fill, values.dtype))
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.enums import UNKNOWN, Phase
 from grasp_factory.core.geometry import Array, pose_matrices
+from grasp_factory.core.real_columns import Source
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.sensor_reader import IMAGES
 from grasp_factory.errors import UnknownNameError, UsageError, lookup, shown
@@ -110,7 +111,8 @@ class ExampleReader:
     def usable(self, rows: NDArray[np.int64] | None = None) -> NDArray[np.int64]:
         """Return the rows with a grasp among ``rows`` (None for all), ascending.
 
-        With touch among the inputs, return only the rows that reached the lift.
+        With touch among the inputs, return only the rows that reached the lift. With the image, a
+        real row must have a calibration of every camera.
 
         Raises:
             UsageError: if there is no such row.
@@ -118,6 +120,12 @@ class ExampleReader:
         rows = self.dataset.committed if rows is None else np.sort(rows)
         planned = np.isfinite(self.dataset.column("grasp_position")[rows]).all(axis=1)
         rows = rows[planned]
+        if IMAGE in self.uses and "source" in self.dataset.columns:
+            is_real = self.dataset.column("source")[rows] == Source.REAL
+            seen = [self._is_calibrated(row) for row in rows[is_real].tolist()]
+            rows = np.sort(
+                np.concatenate([rows[~is_real], rows[is_real][np.array(seen, np.bool_)]])
+            )
         if TOUCH in self.uses:
             rows = rows[[self._has_lift(row) for row in rows.tolist()]]
         if not len(rows):
@@ -179,6 +187,10 @@ class ExampleReader:
                     inputs[TOUCH][place] = touch_of(series, self.touch)
                 on_row()
         return inputs
+
+    def _is_calibrated(self, row: int) -> bool:
+        known = (self.dataset.calibration(row, name, 0) for name in self.dataset.config.cameras)
+        return all(np.isfinite(values).all() for pair in known for values in pair)
 
     def _has_lift(self, row: int) -> bool:
         phase = self.dataset.series(row, "phase")["phase"]
