@@ -221,7 +221,7 @@ def test_the_list_of_an_export_says_what_it_has(
     assert out.splitlines() == [
         f"{export}: 2 episodes as sequences, can be imported",
         "stores: store.zarr",
-        f"arrays of the stores: {', '.join(sorted(store.fields))}",
+        f"arrays of the stores: {', '.join(sorted(store.features))}",
         "added labels: strict",
         "annotations of 1 episode",
     ]

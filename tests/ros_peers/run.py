@@ -88,7 +88,7 @@ class Journey:
 def check(peer: str, work: Path) -> str:
     """Send episodes there and back; return what was found as a line."""
     python, dataset, export = python_of(HERE / peer), Dataset(work / "store.zarr"), work / peer
-    dataset.export("rosbag2", export, rows=list(range(EPISODES)))
+    dataset.export("rosbag2", export, indices=list(range(EPISODES)))
     heard = back = 0
     with network_namespace() as namespace:
         journey = Journey(dataset=dataset, namespace=namespace, python=python, work=work)

@@ -42,7 +42,7 @@ def test_an_episode_that_is_sent_and_collected_is_the_same_to_the_byte(
     assert "33 with a subscriber" in said
     code, said, complaint = ended(collecting)
     assert (code, complaint) == (0, "")
-    Dataset(TINY).export("rosbag2", tmp_path / "bags", rows=[1])
+    Dataset(TINY).export("rosbag2", tmp_path / "bags", indices=[1])
     sent, received = bytes_of(tmp_path / "bags/000000/000000.mcap"), bytes_of(out)
     assert received == sent
     counts = {topic["name"]: topic for topic in json.loads(said)["topics"]}
@@ -57,7 +57,7 @@ def test_an_episode_that_is_sent_and_collected_is_the_same_to_the_byte(
 def test_a_bag_that_is_sent_and_collected_is_the_same_to_the_byte(
     topics: TopicCommands, tmp_path: Path
 ) -> None:
-    Dataset(TINY).export("rosbag2", tmp_path / "bags", rows=[1])
+    Dataset(TINY).export("rosbag2", tmp_path / "bags", indices=[1])
     bag, out = tmp_path / "bags/000000/000000.mcap", tmp_path / "topics.mcap"
     collecting = topics.start("collect", "--topics", "all", "--silence", 2, "--out", out)
     code, said, complaint = topics.run("publish", bag, "--rate", "max", "--wait-for-all")
