@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.html_parts import curves, figure, html_table, html_text, picture
+from grasp_factory.core.linear import norm
 from grasp_factory.core.text_format import named_lines
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def _figures(streams: Mapping[str, NDArray[Any]]) -> Iterator[str]:
 def _series(streams: Mapping[str, NDArray[Any]]) -> Iterator[tuple[str, str, NDArray[Any]]]:
     """Yield title, units and values (n, curves) of series that the streams have."""
     if "tactile_wrench" in streams:
-        force = np.linalg.norm(streams["tactile_wrench"][..., :3], axis=-1)
+        force = norm(streams["tactile_wrench"][..., :3])
         yield "force on the left and right pad", "N", force
     if "gripper_width" in streams:
         yield "gripper width", "mm", 1e3 * streams["gripper_width"][:, None]

@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -292,9 +291,9 @@ def test_shuffled_labels_of_real_episodes_teach_nothing(stores: tuple[Path, Path
     check_shuffled(splits.test.success, taught)
 
 
-def test_held_out_episodes_have_no_part_in_training() -> None:
+def test_held_out_episodes_have_no_part_in_training(stores: tuple[Path, Path]) -> None:
     course = Course(kinds=("vision",), settings=QUICK, crop=CROP)
-    dataset: Any = SimpleNamespace(config=FactoryConfig())
+    dataset = Dataset(stores[1])
 
     def trained(test: Examples) -> bytes:
         splits = Splits(train=made_up(100, 0), val=made_up(60, 1), test=test)

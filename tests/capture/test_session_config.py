@@ -59,8 +59,8 @@ def topics(**plain: Any) -> dict[str, dict[str, str]]:
             "unknown driver 'ticking_imo'; did you mean 'ticking_imu'?",
         ),
         (
-            {"devices": {"imu": {**IMU, "settings": {"with": 2}}}},
-            "unknown key 'devices.imu.settings.with'; did you mean 'width'?",
+            {"devices": {"imu": {**IMU, "settings": {"widht": 2}}}},
+            "unknown key 'devices.imu.settings.widht'; did you mean 'width'?",
         ),
         ({"tolerances": {"gaps": 1}}, "unknown key 'tolerances.gaps'; did you mean"),
         ({"duration_s": 0}, "duration_s: got 0.0, valid: 0.1 to"),

@@ -37,6 +37,11 @@ pytestmark = pytest.mark.slow
 LINES: Mapping[str, tuple[str, ...]] = {
     "info": ("{store}",),
     "verify": ("{store} --workers 1",),
+    "snapshot": ("{store} --message x",),
+    "log": ("{store}",),
+    "diff": ("{store} {store} --arrays",),
+    "provenance": ("{store}",),
+    "pack": ("{store} {out}/packed.zarr --shard 8",),
     "query": ("{store} --csv", "{store} --count"),
     "tags": ("{store}",),
     "tag": ("{store} --ids {ids} --add odd",),
