@@ -80,7 +80,7 @@ def blur(
     is a mosaic. Everything else is copied byte for byte. OUT must not exist; it appears when it is
     complete. privacy.json in it says what was found in which image.
     """
-    require("mcap", "rosbags", extra="privacy")
+    require("mcap", "rosbags", extra="capture")
     from grasp_factory.capture.privacy.blur_settings import BlurSettings
     from grasp_factory.capture.privacy.blurring import blur_session
 

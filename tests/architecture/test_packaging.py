@@ -16,13 +16,26 @@ DOCS = REPOSITORY / "docs"
 CONDA_NAMES = {"opencv-python-headless": "py-opencv", "pyyaml": "pyyaml"}
 
 
+def setup() -> configparser.ConfigParser:
+    found = configparser.ConfigParser()
+    found.read(REPOSITORY / "setup.cfg")
+    return found
+
+
 def requirements() -> dict[str, str]:
     """Return the bounds of each library that the package needs."""
-    setup = configparser.ConfigParser()
-    setup.read(REPOSITORY / "setup.cfg")
-    lines = setup["options"]["install_requires"].split("\n")
+    lines = setup()["options"]["install_requires"].split("\n")
     named = [re.match(r"([\w-]+)([^;]*)", line) for line in lines if line and line[0] != "#"]
     return {found[1].lower(): found[2].strip() for found in named if found}
+
+
+def test_each_extra_is_listed_and_may_be_installed() -> None:
+    page = (DOCS / "guides" / "installing.md").read_text(encoding="utf-8")
+    extras = set(setup()["options.extras_require"])
+    assert set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)) == extras
+    pages = [*DOCS.rglob("*.md"), REPOSITORY / "README.md"]
+    named = re.findall(r"\[([\w,]+)\]'", "".join(p.read_text(encoding="utf-8") for p in pages))
+    assert {extra for several in named for extra in several.split(",")} <= extras
 
 
 @pytest.mark.parametrize("file", ["CITATION.cff", "packaging/conda/recipe.yaml"])

@@ -8,11 +8,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from support.page_blocks import script_of
 from support.places import REPOSITORY
 
-BLOCK = re.compile(r"^```(bash|python)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-NAMED = re.compile(r"# (\w+\.py)\n")
-"""The first line of a program that the page says to save."""
 MOST_LINES = 150
 
 
@@ -30,14 +28,7 @@ def test_it_is_short_and_has_a_picture_and_an_animation() -> None:
 def test_every_block_runs_as_it_stands(tmp_path: Path) -> None:
     clone = tmp_path / "clone"
     subprocess.run(["git", "clone", "--quiet", REPOSITORY, clone], check=True)
-    script = "set -e\n"
-    for kind, code in BLOCK.findall(text()):
-        if kind == "bash":
-            script += code
-        elif saved := NAMED.match(code):
-            script += f"cat > {saved[1]} <<'END'\n{code}END\n"
-        else:
-            script += f"python - <<'END'\n{code}END\n"
+    script = script_of(REPOSITORY / "README.md")
     env = {name: value for name, value in os.environ.items() if "PYTHON" not in name}
     done = subprocess.run(
         ["bash"], input=script, cwd=clone, env=env, capture_output=True, text=True, check=False

@@ -64,6 +64,8 @@ class StateColumns:
             StoreError: if they are damaged.
         """
         out = np.zeros(stop - start, ROW)
+        if self._are_missing(start, stop):
+            return out
         out["index"], out["seed"] = np.arange(start, stop), self._seed
         for name in self._recipes:
             out[name] = self._columns.read_rows(name, start, stop)
@@ -79,7 +81,13 @@ class StateColumns:
         Raises:
             StoreError: if they are damaged.
         """
+        if self._are_missing(start, stop):
+            return np.zeros((stop - start, len(self.arrays)), "<u4")
         return self._columns.read_rows("array_crc32c", start, stop).astype("<u4", copy=False)
+
+    def _are_missing(self, start: int, stop: int) -> bool:
+        """Return whether no row is there, so that nothing has to be read."""
+        return not self._status[start:stop].any()
 
     def _checksums(self, start: int, stop: int) -> NDArray[np.uint8]:
         """Return the checksums of some rows, (K, 32); zeros for those of missing rows."""
