@@ -34,7 +34,9 @@ def test_each_extra_is_listed_and_may_be_installed() -> None:
     extras = set(setup()["options.extras_require"])
     assert set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)) == extras
     pages = [*DOCS.rglob("*.md"), REPOSITORY / "README.md"]
-    named = re.findall(r"\[([\w,]+)\]'", "".join(p.read_text(encoding="utf-8") for p in pages))
+    named = re.findall(
+        r"(?:factory|\.)\[([\w,]+)\]'", "".join(p.read_text(encoding="utf-8") for p in pages)
+    )
     assert {extra for several in named for extra in several.split(",")} <= extras
 
 
