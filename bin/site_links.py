@@ -1,4 +1,7 @@
-"""For mkdocs: links to files outside of docs/ become their names, because the site lacks them."""
+"""For mkdocs: links to files outside of docs/ become their names, because the site lacks them.
+
+Links of notebooks to other pages lead to the pages of the site.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,12 @@ from typing import Any
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)\s#]+)(#[^)\s]*)?\)")
+PAGE = re.compile(r'(href="(?!\w+:)[^"#]+)\.(?:md|ipynb)(?=["#])')
+
+
+def on_page_content(html: str, *, page: Any, **_: Any) -> str:
+    """Return a page's content; of a notebook, with links to pages as the site names them."""
+    return PAGE.sub(r"\1.html", html) if page.file.src_uri.endswith(".ipynb") else html
 
 
 def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
