@@ -63,7 +63,7 @@ def generate(
     the store already stay as they are. To continue a stopped run, run the same command again.
     """
     check_live(live=live, live_port=live_port, makes_episodes=not (print_config or dry_run))
-    request = request_from(**options)
+    request = request_from(continues=True, quiet=quiet, **options)
     if print_config:
         from grasp_factory.factory.name_check import check_names
 

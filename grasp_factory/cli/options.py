@@ -11,17 +11,15 @@ import click
 from grasp_factory.cli.params import option, options, resolution, weighted
 from grasp_factory.cli.plugin_options import plugin_options
 from grasp_factory.core.config.cameras import CAMERAS
-from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.core.renderer import Renderer
 from grasp_factory.core.splits import SPLITS
 from grasp_factory.errors import UsageError
-from grasp_factory.factory.run_request import Request
+from grasp_factory.factory.run_request import DEFAULT_RUN
 
-REQUEST = Request(config=FactoryConfig())
-DEFAULTS = REQUEST.config
+DEFAULTS = DEFAULT_RUN.config
 _SIZE = "x".join(str(side) for side in DEFAULTS.resolution)
 
 
@@ -140,7 +138,8 @@ dataset_options = options(
         "file",
         metavar="FILE",
         type=click.Path(path_type=Path),
-        help="YAML file with any of these settings. Options override it.",
+        help="YAML file with any of these settings; options override it."
+        "  [default: grasp-factory.yaml of the current folder, if it is there]",
     ),
     _config(
         "--set",
@@ -153,17 +152,23 @@ dataset_options = options(
 """Adds the options of a dataset; the command passes their values to ``request_from``."""
 
 run_options = options(
-    _run("--n", type=int, metavar="N", help=f"Episodes in the store.  [default: {REQUEST.n}]"),
+    _run(
+        "--n",
+        type=int,
+        metavar="N",
+        help=f"Episodes in the store.  [default: those of the store at --out, or {DEFAULT_RUN.n}]",
+    ),
     _run(
         "--out",
         type=click.Path(),
-        help=f"Store to make or to complete.  [default: {REQUEST.out}]",
+        help="Store to make, to complete or to grow. One that is there decides all settings below."
+        f"  [default: {DEFAULT_RUN.out}]",
     ),
     _run(
         "--workers",
         metavar="N",
         type=int,
-        help=f"Worker processes.  [default: {REQUEST.workers}]",
+        help=f"Worker processes.  [default: {DEFAULT_RUN.workers}]",
     ),
     _run(
         "--shard",
@@ -176,14 +181,14 @@ run_options = options(
         metavar="SECONDS",
         type=float,
         help="Longest time that an episode may take; 0 for no limit."
-        f"  [default: {REQUEST.episode_timeout:g}]",
+        f"  [default: {DEFAULT_RUN.episode_timeout:g}]",
     ),
     _run(
         "--max-failures",
         metavar="SHARE",
         type=float,
         help="Largest share of quarantined episodes; the command exits with 1 above it."
-        f"  [default: {REQUEST.max_failures:g}]",
+        f"  [default: {DEFAULT_RUN.max_failures:g}]",
     ),
     _run(
         "--retry-quarantined",

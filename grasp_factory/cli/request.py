@@ -5,12 +5,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.cli.base_settings import (
+    check_named_code,
+    folder_settings,
+    note,
+    run_settings,
+    stated_out,
+    stored_settings,
+)
 from grasp_factory.cli.plugin_options import trust_store
+from grasp_factory.cli.printing import say
 from grasp_factory.core.config.yaml_loader import read_yaml
 from grasp_factory.core.plugins.file_loading import file_reference
 from grasp_factory.core.plugins.plugin_sources import allow_file
@@ -28,9 +37,14 @@ def request_from(
     model: Path | None,
     plugins: tuple[Path, ...] = (),
     trust: bool = False,
+    continues: bool = False,
+    quiet: bool = False,
     **flags: Any,
 ) -> Request:
     """Return the checked request that the options describe; import its folders and its model.
+
+    A line on stderr names where other settings come from: ``grasp-factory.yaml`` of the current
+    folder, unless ``file`` is given, and a store.
 
     Args:
         file: a YAML file with settings.
@@ -38,6 +52,8 @@ def request_from(
         model: file of a trained model.
         plugins: files of the user that may be run, which the settings do not name by their paths.
         trust: whether the source files of a store at ``out`` may be run.
+        continues: whether a store that is at ``out`` decides the config and the number of episodes.
+        quiet: leave the line out.
         flags: settings by key.
 
     Raises:
@@ -49,6 +65,38 @@ def request_from(
 
     for plugin in plugins:
         allow_file(plugin)
+    settings = _settings(flags)
+    found = None if file else folder_settings()
+    if found is not None:
+        found = {key: value for key, value in found.items() if key not in settings}
+        check_named_code(found, [*assignments, *map(str, flags.values())], plugins)
+    written = read_yaml(file) if file else found or {}
+    out = stated_out((written, settings), assignments)
+    stored = stored_settings(out) if continues else None
+    base = None
+    if stored:
+        known = written if file else run_settings(written)
+        base, written = stored.config, {"n": stored.rows} | known
+    folders = [name for name in settings.get("object_sets", {}) if _is_folder(name)]
+    if folders:
+        weights = settings.pop("object_sets")
+        asked = resolve_request(written, settings, assignments, base=base)
+        digests = _import(folders, with_plugins(asked.config).robot)
+        names = {text: name for text, (name, _) in digests.items()}
+        settings["object_sets"] = {names.get(t, t): weight for t, weight in weights.items()}
+        settings["object_folders"] = dict(digests.values())
+    request = resolve_request(written, settings, assignments, base=base)
+    config = with_plugins(request.config)
+    if not quiet and base in (None, config) and (line := note(found, stored)):
+        say(line, err=True)
+    if trust:
+        trust_store(request.out, config)
+    request = replace(request, config=config)
+    return request if model is None else _with_model(request, model)
+
+
+def _settings(flags: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of the flags that are given."""
     settings = {key: value for key, value in flags.items() if value not in (None, ())}
     for key, name in (("policies", "--policy"), ("object_sets", "--objects")):
         if key in settings:
@@ -56,21 +104,7 @@ def request_from(
     for key in ("cameras", "object_splits"):
         if key in settings:
             settings[key] = list(settings[key])
-    written = read_yaml(file) if file else {}
-    folders = [name for name in settings.get("object_sets", {}) if _is_folder(name)]
-    if folders:
-        weights = settings.pop("object_sets")
-        robot = with_plugins(resolve_request(written, settings, assignments).config).robot
-        digests = _import(folders, robot)
-        names = {text: name for text, (name, _) in digests.items()}
-        settings["object_sets"] = {names.get(t, t): weight for t, weight in weights.items()}
-        settings["object_folders"] = dict(digests.values())
-    request = resolve_request(written, settings, assignments)
-    config = with_plugins(request.config)
-    if trust:
-        trust_store(request.out, config)
-    request = replace(request, config=config)
-    return request if model is None else _with_model(request, model)
+    return settings
 
 
 def _with_model(request: Request, file: Path) -> Request:

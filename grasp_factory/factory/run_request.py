@@ -1,14 +1,14 @@
 """The request of one run: config, number of episodes, output path and number of workers.
 
-Settings come from three places, and later ones override earlier ones: a YAML file, the command's
-flags, and ``KEY=VALUE`` assignments with dotted keys.
+Settings come from several places, and later ones override earlier ones: the defaults or the config
+of a store, a YAML file, the command's flags, and ``KEY=VALUE`` assignments with dotted keys.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,8 @@ RUN_KEYS = (
     *("n", "workers", "out", "shard", "episode_timeout", "max_failures", "retry_quarantined"),
     "accept_other_platform",
 )
+PLUGIN_KEYS = {"policies": "policies", "robots": "robot", "object_sets": "object_sets"}
+"""The key that names the plugins of a kind, by kind."""
 CONFIG_KEYS = tuple(f.name for f in dataclasses.fields(FactoryConfig))
 SECTIONS = sections_of(FactoryConfig)
 PRESETS: Mapping[str, Mapping[str, Any]] = {
@@ -119,6 +121,9 @@ class Request:
         )
 
 
+DEFAULT_RUN = Request(config=FactoryConfig())
+
+
 def parse_size(text: str) -> list[int]:
     """Return width and height from a text such as 640x480.
 
@@ -132,24 +137,37 @@ def parse_size(text: str) -> list[int]:
 
 
 def resolve_request(
-    file: Mapping[str, Any], flags: Mapping[str, Any], assignments: Iterable[str] = ()
+    file: Mapping[str, Any],
+    flags: Mapping[str, Any],
+    assignments: Iterable[str] = (),
+    *,
+    base: FactoryConfig | None = None,
 ) -> Request:
-    """Merge the settings of a config file, flags and ``KEY=VALUE`` texts over the defaults.
+    """Merge the settings of a config file, flags and ``KEY=VALUE`` texts over those of a base.
 
     A section such as ``physics`` is merged key by key; a table of names such as ``policies`` or
     ``cameras`` replaces the default one. A preset's name may replace a section that has presets, a
     list of names may replace ``cameras``, and a number may replace ``clutter``.
 
+    Args:
+        file: settings of a config file.
+        flags: settings of flags.
+        assignments: ``KEY=VALUE`` texts.
+        base: the config below them; None for the defaults.
+
     Raises:
         ConfigError: naming the key, what it got and what is valid.
     """
-    settings: dict[str, Any] = FactoryConfig().to_plain()
+    settings: dict[str, Any] = (base or FactoryConfig()).to_plain()
+    plugins = settings.get("plugins")
     for source in (file, flags):
         for key, value in source.items():
             _check_key(str(key))
             _merge(settings, key, value)
     for text in assignments:
         _assign(settings, text)
+    if plugins is not None and settings["plugins"] is plugins:
+        settings["plugins"] = _used(plugins, settings)
     run = {key: settings.pop(key) for key in RUN_KEYS if key in settings}
     if "out" in run:
         ok = isinstance(run["out"], str | Path) and str(run["out"]) != ""
@@ -158,6 +176,21 @@ def resolve_request(
     if "shard" in run:
         run["shard"] = Shard.parse(run["shard"])
     return Request(config=FactoryConfig.from_plain(settings), **run)
+
+
+def _used(plugins: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of a base's plugins that the settings still use."""
+    names = {kind: settings[key] for kind, key in PLUGIN_KEYS.items()}
+    used = {
+        kind: {name: origin for name, origin in rows.items() if name in _names(names[kind])}
+        for kind, rows in plugins.items()
+    }
+    return {kind: rows for kind, rows in used.items() if rows}
+
+
+def _names(value: Any) -> Collection[Any]:
+    """Return the names in a setting: one, or the keys of a table."""
+    return value if isinstance(value, Mapping) else [value]
 
 
 def _check_key(key: str) -> None:

@@ -258,7 +258,7 @@ def test_a_mistake_is_one_line_and_exit_2_and_nothing_is_written(
 def test_a_store_of_another_config_is_refused(run: Run, store: Path) -> None:
     result = run("generate", "--n", 9, "--out", store, "--resolution", "32x24", "--seed", 5)
     assert result.code == 2
-    assert "seed: 0 against 5" in one_line(result.err)
+    assert "it has seed: 0, and this run has 5" in one_line(result.err)
 
 
 class TestInfo:

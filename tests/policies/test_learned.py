@@ -295,7 +295,7 @@ class TestTheModelInTheStore:
 
     def test_another_model_is_another_dataset(self, store: Path) -> None:
         other = config_of(model_registry.keep(tiny_model(8)))
-        with pytest.raises(UsageError, match=r"another config \(policy_parameters.learned.model"):
+        with pytest.raises(UsageError, match=r"it has policy_parameters.learned.model: "):
             generate(other, N, store, workers=1)
 
     def test_it_goes_along_into_parts_and_back(self, made: Path, tmp_path: Path) -> None:

@@ -306,12 +306,12 @@ REFUSALS = {
         " install a newer one; choose another --out"
     ),
     put_other_seed: (
-        "{path} holds a dataset of another config (seed: 7 against 0);"
-        " use its config or choose another --out"
+        "{path} holds a dataset of another config: it has seed: 7, and this run has 0;"
+        " use its config (leave this setting out) or choose another --out"
     ),
     put_other_config: (
-        "{path} holds a dataset of another config (motion.grip_force: 9.0 against 20.0);"
-        " use its config or choose another --out"
+        "{path} holds a dataset of another config: it has motion.grip_force: 9.0, and this run has"
+        " 20.0; use its config (leave this setting out) or choose another --out"
     ),
     put_other_robot: (
         "{path} was made by another version: streams/joint_positions is float32 ({room}, 6),"

@@ -74,17 +74,32 @@ def read_yaml(path: Path) -> dict[str, Any]:
     try:
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
-        large = len(content) > MAX_BYTES
-        text = "" if large else content.decode("utf-8")
-    except (OSError, ValueError, RuntimeError) as error:
+    except (OSError, ValueError) as error:
         raise ConfigError(f"config file {path} cannot be read: {error}") from None
-    if large:
-        raise ConfigError(f"config file {path} is no config: it has more than {MAX_BYTES} bytes")
-    data = parse_yaml(text, f"config file {path}")
+    return yaml_mapping(content, f"config file {path}")
+
+
+def yaml_mapping(content: bytes, what: str) -> dict[str, Any]:
+    """Return the mapping that the content of a YAML file holds.
+
+    Args:
+        content: the content, of which only the first ``MAX_BYTES`` + 1 bytes are needed.
+        what: how an error message starts, such as ``config file x.yaml``.
+
+    Raises:
+        ConfigError: if it is too large, is no YAML, or holds no mapping.
+    """
+    if len(content) > MAX_BYTES:
+        raise ConfigError(f"{what} is no config: it has more than {MAX_BYTES} bytes")
+    try:
+        text = content.decode("utf-8")
+    except ValueError as error:
+        raise ConfigError(f"{what} cannot be read: {error}") from None
+    data = parse_yaml(text, what)
     if data is None:
         return {}
     if not isinstance(data, dict):
-        raise ConfigError(f"config file {path}: expected a mapping of keys, got {shown(data)}")
+        raise ConfigError(f"{what}: expected a mapping of keys, got {shown(data)}")
     return data
 
 

@@ -16,7 +16,7 @@ import zarr
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
-from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.factory_config import FactoryConfig, differing_values
 from grasp_factory.core.config.plugin_origin import changed_file
 from grasp_factory.core.place import Place, place_at, place_of
 from grasp_factory.core.place_tree import entries, files_below, fsync_tree
@@ -195,9 +195,11 @@ def _check_same(path: Path, config: FactoryConfig) -> None:
                 f"{changed} has changed since {path} was begun; {_OTHER}, or put the old file back:"
                 f" `grasp-factory info {path}` prints it"
             )
-        found = first_difference(stored, config.to_plain()) or "config_sha256"
+        found = differing_values(stored, config.to_plain())
+        key, old, new = found or ("config_sha256", "another", config.sha256())
         raise StoreMismatchError(
-            f"{path} holds a dataset of another config ({found}); use its config or {_OTHER}"
+            f"{path} holds a dataset of another config: it has {key}: {old}, and this run has"
+            f" {new}; use its config (leave this setting out) or {_OTHER}"
         )
 
 
