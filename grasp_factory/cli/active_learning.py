@@ -103,7 +103,7 @@ def flywheel(
     from grasp_factory.apps.active_learning.journal import FILE
     from grasp_factory.apps.active_learning.text import flywheel_text
     from grasp_factory.cli.bars import watched
-    from grasp_factory.cli.run_progress import make
+    from grasp_factory.cli.run_progress import RunProgress, make
 
     request = request_from(**options)
     settings = FlywheelSettings(
@@ -115,7 +115,7 @@ def flywheel(
             settings,
             out,
             request.workers,
-            make=lambda asked: make(asked, quiet=False),
+            make=lambda asked: make(asked, RunProgress(quiet=False)),
             watch=watched,
         )
     except KeyboardInterrupt as why:

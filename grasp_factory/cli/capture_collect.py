@@ -155,15 +155,15 @@ def collect(
     from grasp_factory.capture.ros2.collected_topics import topics_to_collect
     from grasp_factory.capture.ros2.collecting import CollectSettings, TopicCollector
     from grasp_factory.capture.ros2.network import small_socket_buffers
-    from grasp_factory.cli.bars import Counter
+    from grasp_factory.core.progress import Progress
     from grasp_factory.errors import CaptureError
 
     settings = CollectSettings(seconds=seconds, silence_s=silence_s, depth=depth)
     chosen = topics_to_collect(participant, _split(names), wait_s)
     path = out or Path(time.strftime("ego_data_%Y%m%d_%H%M%S.mcap"))
     collector = TopicCollector(participant, chosen.topics, path, settings)
-    with Counter(0, "message") as counter:
-        found = collector.collect(counter.count, threading.Event())
+    with Progress(0, "message") as progress:
+        found = collector.collect(progress.count, threading.Event())
     if as_json:
         print_json(to_plain(found) | {"path": str(path), "left_out": chosen.left_out})
     else:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from functools import partial
 from typing import Any, NoReturn
 
@@ -80,13 +81,15 @@ def generate(
         else:
             say(forecast_text(found))
         return
+    progress = None
     try:
-        from grasp_factory.cli.run_progress import live_view, make
+        from grasp_factory.cli.run_progress import RunProgress, live_view, make
 
+        progress = RunProgress(quiet=quiet)
         view = live_view(live_port, quiet=quiet) if live else None
-        summary = make(request, quiet=quiet, view=view)
+        summary = make(request, progress, view)
     except KeyboardInterrupt as why:
-        _stopped(request, why)
+        _stopped(request, progress.made if progress else (), why)
     if as_json:
         print_json(summary)
     elif not quiet:
@@ -100,8 +103,8 @@ def generate(
         )
 
 
-def _stopped(request: Request, why: KeyboardInterrupt) -> NoReturn:
+def _stopped(request: Request, made: Collection[int], why: KeyboardInterrupt) -> NoReturn:
     from grasp_factory.cli.run_progress import stopped_text
 
-    say(stopped_text(request.out), err=True)
+    say(stopped_text(request.out, made), err=True)
     sys.exit(EXIT_TERMINATED if isinstance(why, Terminated) else EXIT_INTERRUPTED)

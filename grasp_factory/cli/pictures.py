@@ -146,11 +146,11 @@ def preview(out: Path, n: int, **options: Any) -> None:
     """
     from grasp_factory.apps.pictures.preview import draw_preview
     from grasp_factory.apps.pictures.sheet import check_png, write_png
-    from grasp_factory.cli.bars import Counter
+    from grasp_factory.core.progress import Progress
 
     check_png(out)
     config = request_from(**options).config
-    with Counter(n, "scene") as counter:
-        image = draw_preview(config, n, counter.count)
+    with Progress(n, "scene") as progress:
+        image = draw_preview(config, n, progress.count)
     write_png(out, image)
     say(out)

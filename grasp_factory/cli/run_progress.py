@@ -3,84 +3,87 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import threading
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tqdm import tqdm  # type: ignore[import-untyped]
-
-from grasp_factory.cli.bars import Counter
 from grasp_factory.cli.printing import say
 from grasp_factory.cli.run_report import plan_text
 from grasp_factory.core.executors import ProcessExecutor
-from grasp_factory.core.text_format import escaped, percent
+from grasp_factory.core.progress import Progress, write_line
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.factory import dry_run
 from grasp_factory.factory.block_job import Made
 from grasp_factory.factory.generate import RunPlan, Summary, generate
+from grasp_factory.factory.run_bar import RunBar
 from grasp_factory.factory.run_request import Request
+from grasp_factory.writers.zarr.store import missing_rows
 
 if TYPE_CHECKING:
     from grasp_factory.apps.live import LiveView
 
-_BAR = "{percentage:3.0f} % |{bar}| {n}/{total} [{elapsed}, {remaining} left, {rate_fmt}{postfix}]"
 READ_S = 10.0
 """Longest time that a stopped run takes to count its episodes, seconds."""
 
 
-def stopped_text(path: Path) -> str:
+def stopped_text(path: Path, made: Collection[int] = ()) -> str:
     """Return one line that says what a stopped run made and how to continue it.
 
     The store is read in a thread with a time limit. If the signal came while Zarr started its own
     thread, reading would block for ever.
+
+    Args:
+        path: the store.
+        made: the episodes that the run simulated.
     """
-    made = ["committed episodes stay"]
+    found = ["committed episodes stay"]
 
     def read() -> None:
         try:
-            made[0] = f"{len(Dataset(path).committed)} episodes are in {path}"
+            store = Dataset(path)
+            lost = len(set(made) & set(missing_rows(path).tolist()))
+            rest = f", {lost} of unfinished blocks {'is' if lost == 1 else 'are'} discarded"
+            found[0] = f"{len(store.committed)} episodes are in {path}{rest if lost else ''}"
         except (GraspFactoryError, OSError):
-            made[0] = "no episode is made yet"
+            found[0] = "no episode is made yet"
 
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     reader.join(READ_S)
-    return f"Stopped: {made[0]}; run the same command again to continue."
+    return f"Stopped: {found[0]}; run the same command again to continue."
 
 
 class RunProgress:
-    """Prints the plan of a run and its events; shows a bar where stderr is a terminal."""
+    """Prints the plan of a run and its events, and shows how many episodes are made."""
 
     def __init__(self, *, quiet: bool) -> None:
         self._quiet = quiet
-        self._bar: tqdm | None = None
-        self._made = self._successes = 0
+        self._bar: RunBar | None = None
+        self.made: set[int] = set()
+        """Episodes that were simulated; a stop loses those of unfinished blocks."""
 
     def start(self, plan: RunPlan) -> None:
         """Print the plan."""
         if self._quiet:
             return
         say(plan_text(plan), err=True)
-        if plan.blocks and sys.stderr.isatty():
-            self._bar = tqdm(total=plan.to_make, bar_format=_BAR, unit="ep", dynamic_ncols=True)
+        if plan.blocks:
+            self._bar = RunBar(plan.to_make)
 
     def episode(self, made: Made) -> None:
         """Count an episode; print the reason of a quarantine."""
+        self.made.add(made.index)
         if made.outcome == "quarantined" and not self._quiet:
-            _write(f"episode {made.index} is quarantined: {made.reason}")
-        self._made += made.outcome != "quarantined"
-        self._successes += made.outcome == "success"
+            write_line(f"episode {made.index} is quarantined: {made.reason}")
         if self._bar is not None:
-            rate = self._successes / self._made if self._made else None
-            self._bar.set_postfix_str(f"success {percent(rate)}", refresh=False)
-            self._bar.update()
+            self._bar.episode(made)
 
     def loss(self, text: str) -> None:
         """Print that a worker was lost."""
         if not self._quiet:
-            _write(text)
+            write_line(text)
 
     def __enter__(self) -> RunProgress:
         return self
@@ -91,12 +94,12 @@ class RunProgress:
             self._bar.close()
 
 
-def make(request: Request, *, quiet: bool, view: LiveView | None = None) -> Summary:
+def make(request: Request, progress: RunProgress, view: LiveView | None = None) -> Summary:
     """Run a request and show its progress, also on the live page if there is a view.
 
     See ``factory.generate``.
     """
-    with RunProgress(quiet=quiet) as progress, view or contextlib.nullcontext():
+    with progress, view or contextlib.nullcontext():
         followers: list[RunProgress | LiveView] = [progress] if view is None else [progress, view]
 
         def start(plan: RunPlan) -> None:
@@ -121,6 +124,7 @@ def make(request: Request, *, quiet: bool, view: LiveView | None = None) -> Summ
             max_failures=request.max_failures,
             retry_quarantined=request.retry_quarantined,
             accept_other_platform=request.accept_other_platform,
+            progress=False,
             on_start=start,
             on_episode=episode,
             on_loss=loss,
@@ -136,16 +140,11 @@ def live_view(port: int | None, *, quiet: bool) -> LiveView:
     """
     from grasp_factory.apps.live import LiveView  # noqa: PLC0415 - of the [browse] extra
 
-    return LiveView(port, tell=(lambda text: None) if quiet else _write, announce=_write)
-
-
-def _write(text: str) -> None:
-    """Print a line above the bar."""
-    tqdm.write(escaped(text), file=sys.stderr)
+    return LiveView(port, tell=(lambda text: None) if quiet else write_line, announce=write_line)
 
 
 def forecast(request: Request) -> dry_run.Forecast:
     """Return the forecast of a request and show a bar; see ``factory.dry_run.forecast``."""
-    with Counter(request.n, "pilot") as counter:
+    with Progress(request.n, "pilot") as progress:
         executor = ProcessExecutor(request.workers)
-        return dry_run.forecast(request, lambda made: counter.count(), executor)
+        return dry_run.forecast(request, lambda made: progress.count(), executor)

@@ -16,6 +16,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.executors import ProcessExecutor, make_executor
 from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.platforms import FINGERPRINT
+from grasp_factory.core.progress import has_bars
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import StoreSummary, summarise
 from grasp_factory.errors import StoreBusyError
@@ -26,6 +27,7 @@ from grasp_factory.factory.name_check import check_names
 from grasp_factory.factory.platform_check import check_platform, warn_of_other_versions
 from grasp_factory.factory.plugins import activate, with_plugins
 from grasp_factory.factory.retry_policy import Failures, Losses
+from grasp_factory.factory.run_bar import RunBar
 from grasp_factory.factory.run_log import RunLog
 from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard
 from grasp_factory.robots import RobotModel
@@ -85,6 +87,7 @@ def generate(
     max_failures: float = MAX_FAILURES,
     retry_quarantined: bool = False,
     accept_other_platform: bool = False,
+    progress: bool | None = None,
     on_start: Callable[[RunPlan], None] = lambda plan: None,
     on_episode: Callable[[Made], None] = lambda made: None,
     on_loss: Callable[[str], None] = lambda text: None,
@@ -111,6 +114,8 @@ def generate(
         retry_quarantined: try episodes again that are already in quarantine.
         accept_other_platform: continue a store that was begun on a platform whose bytes may
             differ; the rows made here record this platform.
+        progress: whether to show on stderr how many episodes are made: True for a bar in a terminal
+            or a notebook and a line a minute elsewhere, None for the bar alone, False for nothing.
         on_start: called once with the plan, after every check and before the first episode.
         on_episode: called for each episode as it is made; its block is committed later.
         on_loss: called with one line of text when a worker was lost and its block is made again.
@@ -149,6 +154,8 @@ def generate(
             log.begin()
             losses = Losses(config.block_size, request.episode_timeout or math.inf, on_loss)
             failures = Failures(request.max_failures, plan.to_make)
+            is_shown = has_bars() if progress is None else progress
+            bar = RunBar(plan.to_make) if is_shown else None
 
             def hear(message: Begun | Made | Committed) -> None:
                 made = losses.news(message)
@@ -158,10 +165,15 @@ def generate(
                 if lock.is_alone and is_time_to_pack(made.index, config.block_size):
                     pack(path)
                 on_episode(made)
+                if bar is not None:
+                    bar.episode(made)
                 failures.count(made)
 
             jobs = [BlockJob(block=block, retries=retry_quarantined) for block in plan.blocks]
-            with contextlib.closing(BlockMaker(config, path)) as task:
+            with (
+                bar or contextlib.nullcontext(),
+                contextlib.closing(BlockMaker(config, path)) as task,
+            ):
                 executor.run(task, jobs, hear, losses.recover, losses.silence)
         if lock.try_alone():
             pack(path)

@@ -577,10 +577,10 @@ class TestTurning:
         (fly / FILE).write_text(json.dumps({k: told[k] for k in ("format", "settings")}))
         make = run_progress.make
 
-        def make_until_random(request: Any, *, quiet: bool) -> Any:
+        def make_until_random(request: Any, progress: Any) -> Any:
             if "random" in request.out.parts:
                 raise KeyboardInterrupt
-            return make(request, quiet=quiet)
+            return make(request, progress)
 
         with monkeypatch.context() as patch:
             patch.setattr(run_progress, "make", make_until_random)

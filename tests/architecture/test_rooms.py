@@ -53,7 +53,7 @@ OWNERS = {
     "pyrealsense2": {"capture/devices/realsense.py", "capture/simulators/realsense.py"},
     "trimesh": {"objects/importing", "simulation/make_link_hulls.py"},
     "coacd": {"objects/importing"},
-    "tqdm": {"cli/bars.py", "cli/run_progress.py"},
+    "tqdm": {"core/progress.py"},
     "multiprocessing": {"core/executors"},
     "torch": {"apps/learning", "policies/networks", "torch.py"},
     "rerun": {"apps/rerun"},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import errno
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,8 @@ from support.fake_episodes import make_episode, small_config
 from support.helpers import assert_same_tree, tree
 from support.scale import soak_only
 
+from grasp_factory.cli import run_progress
+from grasp_factory.core import progress
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.place import Place, place_of
@@ -161,6 +164,21 @@ class TestARun:
         assert_same_tree(out, whole)
 
 
+@pytest.mark.parametrize(("shown", "lines"), [(True, 4), (None, 0), (False, 0)])
+def test_a_run_from_python_shows_its_progress_without_a_terminal_if_asked(
+    out: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    shown: bool | None,
+    lines: int,
+) -> None:
+    monkeypatch.setattr(progress, "LINE_S", 0.0)
+    generate(CONFIG, 4, out, workers=1, progress=shown)
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == lines
+    assert all(re.fullmatch(r"\d of 4 episodes after .*, success .* %", line) for line in said)
+
+
 class TestARunThatIsStopped:
     def test_keeps_its_blocks_and_goes_on_to_the_same_bytes(self, out: Path, whole: Path) -> None:
         def stop_at_six(made: Made) -> None:
@@ -173,6 +191,21 @@ class TestARunThatIsStopped:
         summary = generate(CONFIG, 10, out, workers=1)
         assert (summary.made, summary.already_there) == (6, 4)
         assert_same_tree(out, whole)
+
+    def test_says_how_many_episodes_are_discarded(self, out: Path) -> None:
+        follower = run_progress.RunProgress(quiet=True)
+
+        def stop_at_six(made: Made) -> None:
+            follower.episode(made)
+            if made.index == 6:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            generate(CONFIG, 10, out, workers=1, on_episode=stop_at_six)
+        assert run_progress.stopped_text(out, follower.made) == (
+            f"Stopped: 4 episodes are in {out}, 3 of unfinished blocks are discarded; run the same"
+            " command again to continue."
+        )
 
     def test_by_a_bug_quarantines_the_episode_and_says_which_error_it_was(
         self, out: Path, fake: Callable[[Simulate], None]
