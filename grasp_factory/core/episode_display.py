@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.html_parts import curves, figure, html_table, html_text, picture
 from grasp_factory.core.linear import norm
+from grasp_factory.core.palette import OUTCOMES
+from grasp_factory.core.shown_units import SHOWN_UNITS
 from grasp_factory.core.text_format import named_lines
 
 if TYPE_CHECKING:
@@ -23,8 +25,6 @@ MOST_CAMERAS = 4
 """Cameras that are shown."""
 _MEASURED = ("lift_height", "slip_distance", "min_grip_force", "hold_duration", "quality")
 """Columns that say most about an attempt."""
-_GOOD, _BAD = "#0072B2", "#D55E00"
-"""Colours of success and failure, which colour-blind people can tell."""
 
 
 class DisplayedEpisode:
@@ -38,7 +38,7 @@ class DisplayedEpisode:
 
     def _repr_html_(self: Episode) -> str:  # type: ignore[misc]
         """Return the images before and after, the outcome, the facts and some curves."""
-        color = _GOOD if self.success else _BAD
+        color = OUTCOMES[str(self.outcome)].light
         badge = f"background:{color};color:white;padding:2px 8px;border-radius:4px"
         head = f"<b>Episode {self.spec.index}</b> of seed {self.spec.seed}"
         return (
@@ -57,7 +57,7 @@ def _facts(episode: Episode) -> Iterator[tuple[str, str]]:
     yield "target", f"{target.object_id} ({target.family}){mass}, split {target.split}{others}"
     yield "grasp", f"{spec.policy} on {spec.robot}" + (", recorded" if episode.is_real else "")
     known = {name: columns[name] for name in _MEASURED if name in columns}
-    yield "measured", ", ".join(f"{name} {_number(value)}" for name, value in known.items())
+    yield "measured", ", ".join(f"{name} {_number(name, value)}" for name, value in known.items())
     width, height = spec.resolution
     cameras = f"{', '.join(episode.cameras)}: rgb, depth, segmentation, before and after"
     yield "cameras", f"{cameras}, {width} x {height}"
@@ -93,10 +93,12 @@ def _series(streams: Mapping[str, NDArray[Any]]) -> Iterator[tuple[str, str, NDA
     if "gripper_width" in streams:
         yield "gripper width", "mm", 1e3 * streams["gripper_width"][:, None]
     if "object_pose" in streams:
-        yield "height of the target", "m", streams["object_pose"][:, 0, 2:3]
+        yield "height of the target", "mm", 1e3 * streams["object_pose"][:, 0, 2:3]
     if "tcp_pose" in streams:
-        yield "height of the TCP", "m", streams["tcp_pose"][:, 2:3]
+        yield "height of the TCP", "mm", 1e3 * streams["tcp_pose"][:, 2:3]
 
 
-def _number(value: Any) -> str:
+def _number(name: str, value: Any) -> str:
+    if isinstance(value, float) and name in SHOWN_UNITS:
+        return SHOWN_UNITS[name].text(value)
     return f"{value:.4g}" if isinstance(value, float) else str(value)

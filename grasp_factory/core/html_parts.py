@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.palette import CURVES
 from grasp_factory.core.text_format import escaped
 
 LONGEST = 200
@@ -24,8 +25,6 @@ CURVE_WIDTH, CURVE_HEIGHT = 200, 60
 """Pixels."""
 FLAT = 0.01
 """A curve whose span is this share of its largest value, or less, is drawn as a level line."""
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
-"""Of a figure's curves, in turn: those of Okabe and Ito, which colour-blind people can tell."""
 _CELL = "text-align:left;padding:2px 10px 2px 0;vertical-align:top"
 
 
@@ -85,7 +84,7 @@ def curves(times: NDArray[Any], values: NDArray[Any], title: str) -> str:
         y = _scaled(shown[:, k], shown, CURVE_HEIGHT - 2.0, 2.0)
         known = np.isfinite(x + y)
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[known], y[known], strict=True))
-        how = f'fill="none" stroke="{COLORS[k % len(COLORS)]}" stroke-width="1.5"'
+        how = f'fill="none" stroke="{CURVES[k % len(CURVES)].light}" stroke-width="1.5"'
         lines.append(f'<polyline {how} points="{points}"/>')
     size = f'width="{CURVE_WIDTH}" height="{CURVE_HEIGHT}"'
     style = "border-left:1px solid gray;border-bottom:1px solid gray"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.enums import UNKNOWN, Phase, names
 from grasp_factory.core.geometry import Array
+from grasp_factory.core.shown_units import SHOWN_UNITS
 from grasp_factory.labels.rule import target_com
 from grasp_factory.signals.touch import contact_values
 
@@ -103,6 +104,14 @@ def curve_groups(
         height = target_com(streams, object_com)[:, 2] - rest_height
         add("object_height", "target above its rest", "m", ("centre of mass",), height)
     return tuple(found)
+
+
+def in_shown_unit(group: CurveGroup) -> CurveGroup:
+    """Return a group in the unit in which people see its quantity."""
+    shown = SHOWN_UNITS.get(group.key)
+    if shown is None:
+        return group
+    return replace(group, units=shown.unit, values=shown.factor * group.values)
 
 
 def pad_forces(streams: Series) -> Array:

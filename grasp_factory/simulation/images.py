@@ -47,7 +47,11 @@ class Render:
 
     def pixels_of(self, body: int) -> int:
         """Return how many pixels show a body."""
-        return int(np.count_nonzero((self.mask >= 0) & (self.mask & _BODY_MASK == body)))
+        return int(np.count_nonzero(self.shows(body)))
+
+    def shows(self, body: int) -> NDArray[np.bool_]:
+        """Return which pixels (H, W) show a body."""
+        return np.asarray((self.mask >= 0) & (self.mask & _BODY_MASK == body))
 
     def behind(self, front: Render) -> Render:
         """Return the composite of this render with another one of the same camera."""

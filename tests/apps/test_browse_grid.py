@@ -310,7 +310,8 @@ def test_another_measurement_can_be_chosen_and_its_range_typed(
 ) -> None:
     select(page.one("measurement"), "slip_distance")
     page.css('[data-testid="histogram"][data-column="slip_distance"]')
-    page.one("range-from").send_keys("0.25\n")
+    assert page.text("measurement-unit") == "mm"
+    page.one("range-from").send_keys("250\n")
     page.until(lambda: conditions(page) == ["slip_distance>=0.25"], "the range in the address")
     calm_grid(page, matching(api, "slip_distance>=0.25"))
     page.reload()

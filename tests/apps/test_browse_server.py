@@ -201,6 +201,7 @@ class TestTheGrid:
         assert "success" in library["outcomes"]
         kinds = {column["name"]: column for column in library["columns"]}
         assert kinds["lift_height"]["units"] == "m"
+        assert kinds["lift_height"]["shown"] == {"unit": "mm", "factor": 1000.0, "decimals": 1}
         assert set(kinds["policy"]["words"]) >= {"uniform"}
 
     def test_the_labels_have_the_colours_of_the_pictures(self, page: FlaskClient) -> None:
@@ -330,7 +331,8 @@ class TestOneEpisode:
         assert found["phases"][0]["start"] == pytest.approx(streams["timestamp"][0], rel=1e-6)
         assert found["phases"][-1]["end"] == pytest.approx(streams["timestamp"][-1], rel=1e-6)
         height = groups["object_height"]["series"][0]["values"]
-        assert max(height) >= real.value(0, "lift_height") - 1e-6
+        assert groups["object_height"]["units"] == "mm"
+        assert max(height) >= 1e3 * real.value(0, "lift_height") - 1e-3
 
     def test_the_arm_s_links_end_where_the_tool_was_measured(
         self, page: FlaskClient, real: Dataset

@@ -34,8 +34,8 @@ from grasp_factory.apps.card.limits import known_limits
 from grasp_factory.apps.card.markdown import escape, fenced, table, word
 from grasp_factory.apps.card.meanings import MEANINGS, label_conditions
 from grasp_factory.apps.card.readme import size_category
-from grasp_factory.apps.pictures.painting import GREEN, RED
-from grasp_factory.core import schema
+from grasp_factory.apps.pictures.painting import bgr, outcome_color
+from grasp_factory.core import palette, schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.enums import Outcome, names
@@ -467,9 +467,11 @@ def test_every_figure_is_an_image_that_the_readme_shows(card: Path) -> None:
 
 
 def test_bars_are_as_long_as_there_are_episodes() -> None:
-    image = figures.outcomes_chart({"success": 30, "collision": 60, "no_contact": 15})
+    outcomes = {"success": 30, "collision": 60, "no_contact": 15}
+    image = figures.outcomes_chart(outcomes)
     lengths = []
-    for i, color in enumerate((GREEN, RED, RED)):
+    for i, name in enumerate(outcomes):
+        color = outcome_color(Outcome[name.upper()])
         line = image[figures.MARGIN + figures.ROW * i + figures.ROW // 2]
         lengths.append(int((line == color).all(axis=1).sum()))
     assert lengths[1] == pytest.approx(2 * lengths[0], abs=2)
@@ -499,7 +501,7 @@ def test_a_measurement_that_nothing_has_is_drawn_as_such() -> None:
     nothing = {m.column: np.full(3, np.nan) for m in figures.measures(LabelConfig())}
     image = figures.measures_chart(nothing | {"success": np.zeros(3, bool)}, LabelConfig())
     below = image[40:]
-    assert not (below == RED).all(axis=2).any()
+    assert not (below == bgr(palette.FAILURES.light)).all(axis=2).any()
 
 
 # The folder -------------------------------------------------------------------------------------

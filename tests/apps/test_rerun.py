@@ -24,7 +24,7 @@ from grasp_factory.core.geometry import Array, pose_matrices
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError, UsageError
 from grasp_factory.robots import ROBOTS
-from grasp_factory.signals.plot_series import curve_groups, phase_spans
+from grasp_factory.signals.plot_series import curve_groups, in_shown_unit, phase_spans
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
 
@@ -110,13 +110,13 @@ class TestARecording:
         assert {f"/series/{g.key}" for g in groups} == {
             entity for entity in read.rows if entity.startswith("/series/")
         }
-        for group in groups:
+        for group in map(in_shown_unit, groups):
             times, values = read.series(f"/series/{group.key}", "Scalars:scalars")
             clock = episode.imu if group.clock == "imu" else episode.streams
             np.testing.assert_allclose(times, clock["timestamp"], atol=1e-9)
             np.testing.assert_array_equal(np.array(values), np.asarray(group.values, np.float64))
             names = read.static(f"/series/{group.key}", "SeriesLines:names")
-            assert names == list(group.names)
+            assert names == [f"{name}, {group.units}" for name in group.names]
 
     def test_has_the_joints_where_the_encoders_saw_them(self, both: tuple[Episode, Read]) -> None:
         episode, read = both

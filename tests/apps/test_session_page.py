@@ -88,7 +88,7 @@ def test_images_curves_rates_and_alarms_show(page: Page, session: SessionRun) ->
     page.open(session.url)
     page.until(lambda: page.text("session-phase").startswith("Recording: "))
     page.until(lambda: loaded(page) == 4, "two images, depth and taxels")
-    page.until(lambda: painted(page) == 5, "IMU and wrench twice, joints once")
+    page.until(lambda: painted(page) == 6, "IMU, wrench and joints twice")
     alarm = page.css("[data-testid=alarm][data-device=imu][data-kind=frozen]")
     assert "the same values" in alarm.text
     rows: dict[str, Any] = {row.get_attribute("data-device"): row for row in page.all("stream")}
@@ -102,7 +102,7 @@ def test_images_curves_rates_and_alarms_show(page: Page, session: SessionRun) ->
     ):
         page.resize(size, dark=dark)
         page.until(lambda: page.overflow() <= 0, f"nothing is wider than the window: {name}")
-        page.until(lambda: painted(page) == 5, "the charts have their size")
+        page.until(lambda: painted(page) == 6, "the charts have their size")
         shot(page, name, dark=dark)
     page.resize(DESKTOP)
 

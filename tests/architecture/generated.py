@@ -14,7 +14,9 @@ from architecture.test_rooms import OWNERS, PACKAGE, ROOMS, SIMULATES, WALLS, ar
 from support.places import DOCS
 
 from grasp_factory.capture.devices import DEVICES
+from grasp_factory.core import palette
 from grasp_factory.core.schema import markdown_table
+from grasp_factory.core.shown_units import SHOWN_UNITS
 from grasp_factory.writers.exporters import EXPORTERS
 
 STATIC = PACKAGE / "apps" / "browse" / "static"
@@ -139,6 +141,19 @@ def devices() -> str:
     return table(("driver", "kind", "device", "extra"), rows)
 
 
+def outcome_colors() -> str:
+    """Return a table of the colours of outcomes."""
+    paints = {**palette.OUTCOMES, "quarantined": palette.QUARANTINED}
+    rows = [(word, f"`{paint.light}`", f"`{paint.dark}`") for word, paint in paints.items()]
+    return table(("outcome", "on white", "on dark"), rows)
+
+
+def shown_units() -> str:
+    """Return a table of the units that people see."""
+    rows = [(f"`{name}`", shown.unit) for name, shown in SHOWN_UNITS.items()]
+    return table(("quantity", "unit"), rows)
+
+
 PARTS: Mapping[str, Callable[[], str]] = {
     "picture of the rooms": picture,
     "rooms": rooms,
@@ -149,6 +164,8 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "files of the package": files,
     "export formats": export_formats,
     "devices": devices,
+    "outcome colours": outcome_colors,
+    "shown units": shown_units,
 }
 PAGES = (
     DOCS / "architecture.md",
@@ -156,6 +173,7 @@ PAGES = (
     DOCS / "reference" / "format.md",
     DOCS / "guides" / "export.md",
     DOCS / "guides" / "devices.md",
+    DOCS / "reference" / "visual.md",
 )
 
 

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 
 from grasp_factory.apps.active_learning.rounds import Round, SelectionGain
 from grasp_factory.apps.learning.scores import Estimate
+from grasp_factory.core.palette import CURVES
 
-COLORS: Mapping[str, str] = {"active": "tab:orange", "random": "tab:blue"}
+COLORS: Mapping[str, str] = {"active": CURVES[1].light, "random": CURVES[0].light}
 FIGURE = "auc"
 
 

@@ -13,6 +13,7 @@ from grasp_factory.apps.browse.responses import json_answer
 from grasp_factory.apps.browse.site import Site
 from grasp_factory.core.enums import Outcome, Phase, label_names, names
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.core.shown_units import SHOWN_UNITS
 from grasp_factory.dataset.annotations import default_who
 from grasp_factory.dataset.index import COLUMNS, IndexColumn, IndexedStore, NumberBins, WordBars
 from grasp_factory.errors import GraspFactoryError, UsageError
@@ -101,6 +102,8 @@ def _store(site: Site, store: IndexedStore) -> dict[str, Any]:
 
 def _column(site: Site, column: IndexColumn) -> dict[str, Any]:
     told: dict[str, Any] = to_plain(column)
+    if shown := SHOWN_UNITS.get(column.name):
+        told["shown"] = {"unit": shown.unit, "factor": shown.factor, "decimals": shown.decimals}
     if column.kind in ("word", "tags"):
         told["words"] = site.index.words(column.name, MOST_WORDS)
     return told

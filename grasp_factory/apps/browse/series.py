@@ -22,6 +22,7 @@ from grasp_factory.signals.plot_series import (
     CurveGroup,
     Series,
     curve_groups,
+    in_shown_unit,
     phase_spans,
     touch_was_measured,
 )
@@ -54,7 +55,7 @@ def episode_series(opened: OpenStore, row: int) -> dict[str, Any]:
         "imu_time": rounded(imu.get("timestamp", ())),
         "video_time": rounded(video.get("timestamp", ())),
         "phases": to_plain(phase_spans(streams)),
-        "groups": [_group(group) for group in curve_groups(streams, imu, com, rest)],
+        "groups": [_group(in_shown_unit(g)) for g in curve_groups(streams, imu, com, rest)],
         "poses": {
             "tcp": rounded(streams["tcp_pose"]),
             "objects": rounded(np.swapaxes(streams["object_pose"], 0, 1)),

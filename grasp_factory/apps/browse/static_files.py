@@ -1,10 +1,12 @@
-"""The page itself: the files in ``static``, which come with the package."""
+"""The page itself: the files in ``static``, which come with the package, and its colours."""
 
 from __future__ import annotations
 
 from pathlib import Path, PurePosixPath
 
 from flask import Blueprint, Response, abort, send_from_directory
+
+from grasp_factory.apps.browse.palette_css import palette_css
 
 FOLDER = Path(__file__).parent / "static"
 TYPES = {
@@ -28,6 +30,12 @@ def routes(first: str = "index.html") -> Blueprint:
     @pages.get("/")
     def page() -> Response:
         return _file(first)
+
+    @pages.get("/static/palette.css")
+    def colors() -> Response:
+        answer = Response(palette_css(), content_type="text/css; charset=utf-8")
+        answer.headers["Cache-Control"] = "no-cache"
+        return answer
 
     @pages.get("/static/<path:name>")
     def static(name: str) -> Response:

@@ -15,19 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.apps.pictures.painting import (
-    GREEN,
     INK,
     PALE,
     PAPER,
-    RED,
     WHITE,
-    BgrColor,
     BgrImage,
+    bgr,
+    outcome_color,
     put_text,
 )
+from grasp_factory.core import palette
 from grasp_factory.core.config.label import LabelConfig
-from grasp_factory.core.enums import Outcome, names
+from grasp_factory.core.enums import Outcome
 from grasp_factory.core.geometry import Array
+from grasp_factory.core.shown_units import SHOWN_UNITS
 
 WIDTH = 960
 MARGIN, ROW, BAR = 20, 30, 18
@@ -37,7 +38,7 @@ _PANEL = (300, 190)
 _BINS = 30
 _TOP = 99.0
 """Percentile of the values at which a histogram ends; larger values count in its last bin."""
-_LINE: BgrColor = (170, 110, 40)
+_GOOD, _BAD = bgr(palette.SUCCESS.light), bgr(palette.FAILURES.light)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,27 +47,33 @@ class Measure:
 
     column: str
     title: str
+    """With the unit in which it is shown."""
+    factor: float
+    """Of a shown value to the stored one."""
     threshold: float | None
-    """The value that success requires; None if it requires none."""
+    """The value that success requires, in the shown unit; None if it requires none."""
 
 
 def measures(label: LabelConfig) -> tuple[Measure, ...]:
     """Return the measurements that are drawn, with a label's thresholds."""
     return (
-        Measure(column="lift_height", title="lift height, m", threshold=label.min_lift),
-        Measure(column="shake_level", title="shake survived, g", threshold=label.min_shake or None),
-        Measure(column="hold_duration", title="hold duration, s", threshold=None),
-        Measure(
-            column="min_grip_force",
-            title="least grip force, N",
-            threshold=label.min_grip_force or None,
-        ),
-        Measure(
-            column="slip_distance",
-            title="slip in the hand, m",
-            threshold=label.max_slip_distance,
-        ),
-        Measure(column="slip_angle", title="turn in the hand, rad", threshold=label.max_slip_angle),
+        _measure("lift_height", "lift height", label.min_lift),
+        _measure("shake_level", "shake survived", label.min_shake or None),
+        _measure("hold_duration", "hold duration", None),
+        _measure("min_grip_force", "least grip force", label.min_grip_force or None),
+        _measure("slip_distance", "slip in the hand", label.max_slip_distance),
+        _measure("slip_angle", "turn in the hand", label.max_slip_angle),
+    )
+
+
+def _measure(column: str, words: str, stored: float | None) -> Measure:
+    """Return a measurement and its threshold, which is given in the stored unit."""
+    shown = SHOWN_UNITS[column]
+    return Measure(
+        column=column,
+        title=f"{words}, {shown.unit.replace('°', 'degrees')}",
+        factor=shown.factor,
+        threshold=None if stored is None else shown.factor * stored,
     )
 
 
@@ -79,7 +86,7 @@ def outcomes_chart(outcomes: Mapping[str, int]) -> BgrImage:
         y = MARGIN + ROW * i + ROW // 2
         left = MARGIN + _LABELS
         right = left + max(1, round(room * episodes / most))
-        color = GREEN if word == names(Outcome)[Outcome.SUCCESS] else RED
+        color = outcome_color(Outcome[word.upper()])
         put_text(image, word.replace("_", " "), (MARGIN, y))
         cv2.rectangle(image, (left, y - BAR // 2), (right, y + BAR // 2), color, cv2.FILLED)
         put_text(image, f"{episodes}  ({100 * episodes / total:.1f} %)", (right + 8, y), PALE)
@@ -100,13 +107,14 @@ def measures_chart(columns: Mapping[str, NDArray[Any]], label: LabelConfig) -> B
     legend = 30
     image = _paper(legend + rows * height + MARGIN, WIDTH)
     x = MARGIN
-    for word, color in (("success", GREEN), ("failure", RED), ("asked for", _LINE)):
+    for word, color in (("success", _GOOD), ("failure", _BAD), ("asked for", INK)):
         cv2.rectangle(image, (x, 13), (x + 11, 24), color, cv2.FILLED)
         x += 18 + put_text(image, word, (x + 18, 19), INK) + 18
     for i, measure in enumerate(drawn):
         corner = (MARGIN + i % across * (width + 10), legend + i // across * height)
         panel = image[corner[1] : corner[1] + height, corner[0] : corner[0] + width]
-        _draw_histogram(panel, measure, columns[measure.column], columns["success"])
+        values = measure.factor * columns[measure.column]
+        _draw_histogram(panel, measure, values, columns["success"])
     return image
 
 
@@ -150,14 +158,14 @@ def _draw_histogram(
     for k, (n_good, n_bad) in enumerate(zip(good.tolist(), bad.tolist(), strict=True)):
         middle = bottom - _pixels(n_good * unit)
         end = bottom - _pixels((n_good + n_bad) * unit)
-        for upper, lower, color in ((middle, bottom, GREEN), (end, middle, RED)):
+        for upper, lower, color in ((middle, bottom, _GOOD), (end, middle, _BAD)):
             if upper < lower:
                 corners = (int(lefts[k]), upper), (int(lefts[k + 1]) - 1, lower - 1)
                 cv2.rectangle(panel, *corners, color, cv2.FILLED)
     if measure.threshold is not None and edges[0] <= measure.threshold <= edges[-1]:
         share = (measure.threshold - edges[0]) / (edges[-1] - edges[0])
         x = round(share * (width - 1))
-        cv2.line(panel, (x, top), (x, bottom), _LINE, 2)
+        cv2.line(panel, (x, top), (x, bottom), INK, 2)
     cv2.line(panel, (0, bottom), (width - 1, bottom), INK, 1)
     put_text(panel, f"{edges[0]:.3g}", (0, bottom + 14), PALE, 11)
     beyond = " and more" if np.nanmax(values) > edges[-1] else ""

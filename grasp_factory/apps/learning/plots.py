@@ -15,15 +15,14 @@ from sklearn.metrics import roc_curve
 from grasp_factory.apps.learning.comparison import Population
 from grasp_factory.apps.learning.report import estimate_text
 from grasp_factory.apps.learning.scores import Estimate
+from grasp_factory.core.palette import CURVES
 
 COLORS: Mapping[str, str] = {
-    "majority": "0.6",
-    "pose": "tab:brown",
-    "vision": "tab:blue",
-    "vision_lifts": "tab:cyan",
-    "touch": "tab:orange",
-    "both": "tab:green",
-}
+    name: paint.light
+    for name, paint in zip(
+        ("vision", "pose", "both", "touch", "vision_lifts"), CURVES, strict=False
+    )
+} | {"majority": CURVES[-1].light}
 BINS = 10
 """Number of bins in the calibration plot; all have the same number of episodes."""
 

@@ -11,47 +11,47 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core import palette
 from grasp_factory.core.camera import project
-from grasp_factory.core.enums import UNKNOWN, Label, names
+from grasp_factory.core.enums import UNKNOWN, Label, Outcome, names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array, apply, inverse, quat_xyzw_to_matrix, transform
 
 BgrImage = NDArray[np.uint8]
 BgrColor = tuple[int, int, int]
 
-INK: BgrColor = (45, 40, 38)
-PALE: BgrColor = (140, 132, 128)
-PAPER: BgrColor = (250, 249, 248)
-WHITE: BgrColor = (255, 255, 255)
-GREEN: BgrColor = (78, 142, 40)
-RED: BgrColor = (52, 52, 200)
-GRASP_COLOR: BgrColor = (255, 0, 255)
-NOTHING: BgrColor = (70, 66, 64)
-"""Colour of pixels where a depth image sees nothing, and of pixels that were not labelled."""
 
-LABEL_COLORS: dict[str, BgrColor] = {
-    "background": (52, 48, 46),
-    "floor": (112, 104, 100),
-    "table": (150, 190, 214),
-    "arm": (186, 130, 60),
-    "gripper": (60, 176, 245),
-    "target": (70, 60, 224),
-}
-"""Colours by the names of ``Label``."""
-OTHER_COLORS: tuple[BgrColor, ...] = (
-    (160, 176, 70),
-    (176, 90, 150),
-    (90, 200, 140),
-    (200, 150, 220),
+def bgr(color: str) -> BgrColor:
+    """Return a colour of ``palette`` as OpenCV expects it."""
+    red, green, blue = palette.rgb(color)
+    return blue, green, red
+
+
+INK, PALE, PAPER = (bgr(color) for color in (palette.INK, palette.PALE, palette.PAPER))
+WHITE: BgrColor = (255, 255, 255)
+GRASP_COLOR, TARGET_COLOR, OUTLINE = (
+    bgr(color) for color in (palette.GRASP, palette.TARGET, palette.OUTLINE)
 )
+NOTHING = bgr(palette.NOTHING)
+"""Colour of pixels where a depth image sees nothing, and of pixels that were not labelled."""
+LABEL_COLORS = {word: bgr(color) for word, color in palette.LABELS.items()}
+"""Colours by the names of ``Label``."""
+OTHER_COLORS = tuple(map(bgr, palette.OTHERS))
 """Colours of the objects other than the target, in turn."""
 
 NEAR = 0.01
 """Minimum distance in metres from the camera at which a grasp is drawn."""
 
+OUTLINED = 320
+"""Width of an image, pixels, for each pixel of an outline's thickness."""
 MOST_LETTERS = 1000
 """Letters of a text that are drawn."""
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def outcome_color(outcome: Outcome) -> BgrColor:
+    """Return the colour of an outcome."""
+    return bgr(palette.OUTCOMES[str(outcome)].light)
 
 
 def drawable(text: str) -> str:
@@ -88,12 +88,12 @@ def put_badge(
 
 
 def depth_picture(depth: NDArray[np.float32], near: float, far: float, nothing: float) -> BgrImage:
-    """Return a depth image (H, W) in metres as colours: ``near`` red, ``far`` blue.
+    """Return a depth image (H, W) in metres as colours: ``near`` dark, ``far`` bright.
 
     Pixels at ``nothing`` metres or beyond, where the camera sees nothing, are dark.
     """
-    share = np.clip((far - np.nan_to_num(depth)) / max(far - near, 1e-6), 0.0, 1.0)
-    colors = cv2.applyColorMap((share * 255.0).astype(np.uint8), cv2.COLORMAP_TURBO)
+    share = np.clip((np.nan_to_num(depth) - near) / max(far - near, 1e-6), 0.0, 1.0)
+    colors = palette.depth_colors()[(share * 255.0).astype(np.uint8), ::-1]
     colors[~(depth < nothing)] = NOTHING  # NaN as well
     return np.asarray(colors, np.uint8)
 
@@ -167,3 +167,11 @@ def put_grasp(image: BgrImage, pixels: Array) -> None:
         cv2.line(image, tcp, back, color, thickness, cv2.LINE_AA)
         for pad in (left, right):
             cv2.circle(image, pad, thickness, color, cv2.FILLED, cv2.LINE_AA)
+
+
+def put_outline(image: BgrImage, mask: NDArray[np.bool_]) -> None:
+    """Draw a line in the target's colour around the pixels of a mask (H, W), on a dark ground."""
+    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    thick = max(1, round(image.shape[1] / OUTLINED))
+    for color, thickness in ((OUTLINE, thick + 2), (TARGET_COLOR, thick)):
+        cv2.drawContours(image, found, -1, color, thickness, cv2.LINE_AA)

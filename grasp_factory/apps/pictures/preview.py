@@ -30,8 +30,9 @@ SHAPE = 4 / 3
 def draw_preview(config: FactoryConfig, n: int, on_scene: Callable[[], None]) -> BgrImage:
     """Return a grid of the first ``n`` scenes of a dataset, BGR, each with number and target.
 
-    The objects are dropped and settle as for an attempt, and the first camera sees them. The tile
-    of a recipe that cannot be built stays empty, and its caption gives the reason.
+    Among other objects, a line goes round the target. The objects are dropped and settle as for an
+    attempt, and the first camera sees them. The tile of a recipe that cannot be built stays empty,
+    and its caption gives the reason.
 
     Raises:
         UsageError: if ``n`` is less than 1 or more than ``MOST``.
@@ -62,6 +63,8 @@ def _tile(world: World, config: FactoryConfig, index: int) -> BgrImage:
         settle(scene)
         _, render = render_cameras(scene)[next(iter(config.cameras))]
         picture = np.ascontiguousarray(render.rgb[..., ::-1])
+        if len(spec.objects) > 1:
+            painting.put_outline(picture, render.shows(scene.objects[0]))
     except RecipeError as error:
         words = f"#{index} {error}"
     strip: BgrImage = np.full((CAPTION, width, 3), painting.PAPER, np.uint8)

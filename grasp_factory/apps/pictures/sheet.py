@@ -14,6 +14,7 @@ from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.core.enums import UNKNOWN, label_names, word_of
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.output_file import FileKind, check_out, written_aside
+from grasp_factory.core.shown_units import SHOWN_UNITS
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 
@@ -144,7 +145,7 @@ def caption(episode: Episode) -> str:
     spec, lift = episode.spec, episode.columns["lift_height"]
     words = [f"#{spec.index}", spec.objects[0].object_id, spec.policy]
     if lift > WORTH_TELLING:  # false for NaN
-        words.append(f"lifted {100 * lift:.1f} cm")
+        words.append(f"lifted {SHOWN_UNITS['lift_height'].text(lift)}")
     body = word_of(int(episode.columns["collision_body"]), label_names(len(spec.objects)))
     if episode.columns["collision_body"] and body:
         words.append(f"hit the {body}")
@@ -192,7 +193,7 @@ def _draw_header(sheet: BgrImage, panel_width: int, span: tuple[float, float]) -
 
 
 def _draw_caption(sheet: BgrImage, episode: Episode, at: tuple[int, int]) -> None:
-    color = painting.GREEN if episode.success else painting.RED
+    color = painting.outcome_color(episode.outcome)
     word = episode.outcome.name.lower().replace("_", " ")
     x = at[0] + painting.put_badge(sheet, word, at, color) + 12
     painting.put_text(sheet, caption(episode), (x, at[1]), painting.INK)

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.apps.pictures.sheet import WORTH_TELLING, chosen
+from grasp_factory.core import palette
 from grasp_factory.core.enums import Outcome
+from grasp_factory.core.shown_units import SHOWN_UNITS
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.writers.zarr.writer import QUARANTINED
@@ -118,14 +120,14 @@ def _captions(dataset: Dataset, rows: Sequence[int]) -> list[tuple[Outcome, str,
         )
         words = [f"#{row}", str(policy)]
         if lift > WORTH_TELLING:  # false for NaN
-            words.append(f"{100 * lift:.1f} cm")
+            words.append(SHOWN_UNITS["lift_height"].text(lift))
         out.append((Outcome(int(dataset.value(row, "outcome"))), "  ".join(words), str(target)))
     return out
 
 
 def _tile(picture: BgrImage, words: tuple[Outcome, str, str]) -> BgrImage:
     outcome, figures, target = words
-    color = painting.GREEN if outcome is Outcome.SUCCESS else painting.RED
+    color = painting.outcome_color(outcome)
     return np.vstack([picture, _strip(color, _word(outcome.name), figures, target)])
 
 
@@ -135,7 +137,9 @@ def _no_tile(dataset: Dataset, row: int) -> BgrImage:
     size = (_height(width, height), WIDTH, 3)
     reason = str(dataset.column("error")[row])
     empty: BgrImage = np.full(size, painting.NOTHING, np.uint8)
-    return np.vstack([empty, _strip(painting.PALE, "quarantined", f"#{row}", reason)])
+    return np.vstack(
+        [empty, _strip(painting.bgr(palette.QUARANTINED.light), "quarantined", f"#{row}", reason)]
+    )
 
 
 def _strip(color: painting.BgrColor, word: str, figures: str, below: str) -> BgrImage:

@@ -212,7 +212,7 @@ def captioned(image: BgrImage, episode: Episode, time: float, speed: float) -> B
     Text that does not fit is cut off at the right.
     """
     strip: BgrImage = np.full((CAPTION, image.shape[1], 3), painting.PAPER, np.uint8)
-    middle, color = CAPTION // 2, painting.GREEN if episode.success else painting.RED
+    middle, color = CAPTION // 2, painting.outcome_color(episode.outcome)
     word = episode.outcome.name.lower().replace("_", " ")
     x = 4 + painting.put_badge(strip, word, (4, middle), color, height=18) + 10
     pace = "" if speed == 1.0 else f" x{speed:g}"

@@ -9,12 +9,13 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from grasp_factory.apps.pictures.painting import label_palette
+from grasp_factory.apps.pictures.painting import depth_span, label_palette
 from grasp_factory.apps.rerun.clock import poses, seconds
 from grasp_factory.core.config.cameras import Mount
 from grasp_factory.core.enums import label_names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array, Pose, look_at, pose_matrices
+from grasp_factory.core.palette import DEPTH_MAP
 from grasp_factory.signals.point_cloud import PointCloud
 
 CAMERAS = "world/cameras"
@@ -53,7 +54,7 @@ def log_cameras(recording: rr.RecordingStream, episode: Episode, times: Sequence
             )
             recording.log(entity, pinhole, static=True)
             recording.send_columns(entity, *_camera_motion(episode, name, frames, times))
-        _log_images(recording, entity, frames, times)
+        _log_images(recording, entity, frames, times, episode.spec.cameras[name].far)
         _log_rgb(recording, entity, *_pictures(episode, name, frames, times))
 
 
@@ -99,11 +100,18 @@ def _poses(T: Array) -> Array:
 
 
 def _log_images(
-    recording: rr.RecordingStream, entity: str, frames: CameraFrames, times: Sequence[float]
+    recording: rr.RecordingStream,
+    entity: str,
+    frames: CameraFrames,
+    times: Sequence[float],
+    far: float,
 ) -> None:
+    colors = rr.components.Colormap.auto(DEPTH_MAP)
+    span = depth_span(frames.depth[0], frames.segmentation[0], far)
     for i, time in enumerate(times):
         recording.set_time("time", duration=time)
-        recording.log(f"{entity}/depth", rr.DepthImage(frames.depth[i], meter=1.0))
+        depth = rr.DepthImage(frames.depth[i], meter=1.0, colormap=colors, depth_range=span)
+        recording.log(f"{entity}/depth", depth)
         recording.log(f"{entity}/segmentation", rr.SegmentationImage(frames.segmentation[i]))
     recording.reset_time()
 

@@ -6,15 +6,16 @@ import numpy as np
 import rerun as rr
 
 from grasp_factory.apps.rerun.clock import poses, seconds
+from grasp_factory.core import palette
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.geometry import Array
+from grasp_factory.core.palette import rgb
 from grasp_factory.core.workspace import TABLE_CENTER_XY, TABLE_SIZE
 
 GRASP = "world/grasp"
 TCP = "world/tcp"
 STEM = 0.08
 """Length in metres of the arrow along a grasp's approach."""
-MAGENTA = (255, 0, 255)
 AXIS = 0.05
 """Length in metres of the axes of the hand."""
 
@@ -43,7 +44,7 @@ def _log_grasp(
     arrows = rr.Arrows3D(
         origins=[(0.0, 0.0, -STEM), (0.0, half, 0.0), (0.0, -half, 0.0)],
         vectors=[(0.0, 0.0, STEM), (0.0, -half, 0.0), (0.0, half, 0.0)],
-        colors=[MAGENTA] * 3,
+        colors=[rgb(palette.GRASP)] * 3,
     )
     recording.log(GRASP, placed, arrows, static=True)
 

@@ -9,26 +9,28 @@ import rerun as rr
 
 from grasp_factory.apps.rerun.clock import seconds
 from grasp_factory.core.episode import Episode
-from grasp_factory.signals.plot_series import CurveGroup, PhaseSpan
+from grasp_factory.core.palette import CURVES, rgb
+from grasp_factory.signals.plot_series import CurveGroup, PhaseSpan, in_shown_unit
 
 SERIES = "series"
 PHASE = "phase"
 LOG = "log"
-COLORS = (
-    *((0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233)),
-    *((213, 94, 0), (120, 120, 120), (240, 228, 66)),
-)
-"""Colours of a group's curves, in turn: Okabe and Ito's, which colour-blind people distinguish."""
+COLORS = tuple(rgb(curve.dark) for curve in CURVES)
+"""Colours of a group's curves, in turn; the viewer is dark."""
 
 
 def log_series(
     recording: rr.RecordingStream, episode: Episode, groups: Sequence[CurveGroup]
 ) -> None:
     """Log every group as one entity with a named line for each of its curves."""
-    for group in groups:
+    for group in map(in_shown_unit, groups):
         entity = f"{SERIES}/{group.key}"
         colors = [COLORS[i % len(COLORS)] for i in range(len(group.names))]
-        recording.log(entity, rr.SeriesLines(names=list(group.names), colors=colors), static=True)
+        recording.log(
+            entity,
+            rr.SeriesLines(names=[f"{name}, {group.units}" for name in group.names], colors=colors),
+            static=True,
+        )
         clock = episode.imu if group.clock == "imu" else episode.streams
         values = np.asarray(group.values, np.float64)
         if len(values):

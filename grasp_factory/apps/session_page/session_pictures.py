@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.capture.samples import CameraFrame, Payload, TactileReading
+from grasp_factory.core.palette import NOTHING, depth_colors, force_colors, rgb
 
 WIDEST = 640
 """Pixels of a picture on the page."""
@@ -26,21 +27,22 @@ def picture(payload: Payload, kind: str) -> bytes | None:
     if kind == "rgb" and isinstance(payload, CameraFrame):
         return _encoded(np.ascontiguousarray(payload.rgb[..., ::-1]))
     if kind == "depth" and isinstance(payload, CameraFrame) and payload.depth is not None:
-        return _encoded(_coloured(payload.depth.astype(np.float64)))
+        return _encoded(_coloured(payload.depth.astype(np.float64), depth_colors()))
     if kind == "taxels" and isinstance(payload, TactileReading):
-        image = _coloured(np.asarray(payload.pressure, np.float64))
+        image = _coloured(np.asarray(payload.pressure, np.float64), force_colors())
         factor = max(1, 240 // max(image.shape[:2]))
         return _encoded(image.repeat(factor, axis=0).repeat(factor, axis=1))
     return None
 
 
-def _coloured(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return values (H, W) in colours, dark to bright between the ends; black where 0 or NaN."""
+def _coloured(values: NDArray[np.float64], colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return values (H, W) in colours (256, 3) between the ends, BGR; grey where 0 or NaN."""
     known = np.isfinite(values) & (values != 0.0)
     low, high = (values[known].min(), values[known].max()) if known.any() else (0.0, 1.0)
     scaled = np.where(known, (values - low) / max(high - low, 1e-12), 0.0)
-    image = cv2.applyColorMap((255.0 * scaled).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
-    return np.where(known[..., None], image, 0).astype(np.uint8)
+    image = colors[(255.0 * scaled).astype(np.uint8)]
+    shown = np.where(known[..., None], image, rgb(NOTHING)).astype(np.uint8)
+    return np.ascontiguousarray(shown[..., ::-1])
 
 
 def _encoded(image: NDArray[np.uint8]) -> bytes:

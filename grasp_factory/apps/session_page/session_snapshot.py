@@ -20,16 +20,24 @@ from grasp_factory.capture.session.session_record import utc
 from grasp_factory.capture.session.station import DeviceStation
 from grasp_factory.capture.session.stream_statistics import StreamWindow, rate_hz
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.core.shown_units import SHOWN_UNITS
 
 RECORDING, ENDED = "recording", "ended"
 MOST_EVENTS = 12
 SHOWN_ELSEWHERE = {ALARM, ALARM_ENDED, SAMPLES_DROPPED}
-GROUPS: dict[DeviceKind, tuple[tuple[str, str, int, int], ...]] = {
-    DeviceKind.IMU: (("specific force", "m/s²", 0, 3), ("angular velocity", "rad/s", 3, 6)),
-    DeviceKind.FORCE_TORQUE: (("force", "N", 0, 3), ("torque", "N m", 3, 6)),
-    DeviceKind.JOINTS: (("joint positions, gripper width", "rad, m", 0, 64),),
+_WIDTH = SHOWN_UNITS["gripper_width"]
+GROUPS: dict[DeviceKind, tuple[tuple[str, str, int, int, float], ...]] = {
+    DeviceKind.IMU: (
+        ("specific force", "m/s²", 0, 3, 1.0),
+        ("angular velocity", "rad/s", 3, 6, 1.0),
+    ),
+    DeviceKind.FORCE_TORQUE: (("force", "N", 0, 3, 1.0), ("torque", "N m", 3, 6, 1.0)),
+    DeviceKind.JOINTS: (
+        ("joint positions", "rad", 0, -1, 1.0),
+        ("gripper width", _WIDTH.unit, -1, 64, _WIDTH.factor),
+    ),
 }
-"""Curves of a kind of device: title, units, and which of its values."""
+"""Curves of a kind of device: title, units, which of its values, and their factor."""
 
 
 def snapshot(recorder: SessionRecorder) -> dict[str, Any]:
@@ -119,8 +127,8 @@ def curves(recorder: SessionRecorder) -> list[dict[str, Any]]:
     for station in recorder.stations:
         points = station.statistics.latest_curve()
         times = [round((at - recorder.started_ns) / 1e9, 3) for at, _ in points]
-        for title, units, first, stop in GROUPS.get(station.model.kind, ()):
-            rows = [values[first:stop] for _, values in points]
+        for title, units, first, stop, factor in GROUPS.get(station.model.kind, ()):
+            rows = [[factor * value for value in values[first:stop]] for _, values in points]
             width = min(map(len, rows), default=0)
             series = np.array([row[:width] for row in rows]).T.tolist() if width else []
             found.append(

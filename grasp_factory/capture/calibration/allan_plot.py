@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from grasp_factory.capture.calibration.allan import AllanCurve, NoiseFigures
 from grasp_factory.capture.calibration.imu_calibrating import ImuCalibration
+from grasp_factory.core import palette
 
-_COLOURS = ("#0072B2", "#D55E00", "#009E73")
-"""Of Okabe and Ito: colour-blind people can distinguish them."""
+_COLOURS = [curve.light for curve in palette.CURVES[:3]]
 _PIXELS, _DPI = (1200, 560), 100
 
 
@@ -48,6 +48,6 @@ def _draw(
     ax.set_title(title, fontsize=11)
     ax.set_xlabel("averaging time, s")
     ax.set_ylabel(f"Allan deviation, {units[0]}")
-    ax.grid(which="both", color="#d9dce0", linewidth=0.5)
+    ax.grid(which="both", color=palette.GRID, linewidth=0.5)
     heading = f"N in {units[0]}/√Hz, K in {units[1]}/√Hz"
     ax.legend(fontsize=9, title=heading, title_fontsize=9, loc="lower left")

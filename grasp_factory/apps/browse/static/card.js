@@ -2,9 +2,10 @@
 
 import { address } from './api.js';
 import { h } from './dom.js';
-import { amount, badge, readable } from './format.js';
+import { badge, readable } from './format.js';
 import { episodeHash } from './routes.js';
 import { selected } from './selection.js';
+import { shownText } from './units.js';
 
 const MOST_TAGS = 3;
 
@@ -61,7 +62,7 @@ export function card(row, params, library, after) {
         'div',
         { class: 'card-line muted' },
         h('span', { class: 'cut' }, policyOf(row, library)),
-        lift(row),
+        lift(row, library),
       ),
       h(
         'div',
@@ -115,13 +116,10 @@ function objectOf(row) {
   return rest && !/^\d+$/.test(rest) ? rest : (row.object_id ?? '–');
 }
 
-function lift(row) {
+function lift(row, library) {
   if (row.lift_height === null || row.lift_height === undefined) return null;
-  return h(
-    'span',
-    { title: 'lift height' },
-    `↑ ${amount(Math.round(row.lift_height * 1000) || 0, 'mm')}`,
-  );
+  const column = library.columns.find(({ name }) => name === 'lift_height');
+  return h('span', { title: 'lift height' }, `↑ ${shownText(column, row.lift_height)}`);
 }
 
 function quality(row) {

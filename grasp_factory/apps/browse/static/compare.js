@@ -5,17 +5,17 @@ import { NOTHING, inOrder, makeClock, nearest } from './clock.js';
 import { makeCloud } from './cloud.js';
 import { makeCurves } from './curves.js';
 import { h, isTyping } from './dom.js';
-import { FACT_GROUPS, factText, unitText } from './facts.js';
+import { FACT_GROUPS, factText } from './facts.js';
 import { amount, badge, readable } from './format.js';
 import { makeImages } from './images.js';
 import { compareHash, episodeHash, gridHash, pair } from './routes.js';
 import { makeTactile } from './tactile.js';
 import { makeTimeline } from './timeline.js';
+import { shownFactor, shownText, shownUnit } from './units.js';
 
 const LETTERS = ['A', 'B'];
 const START = 'start';
 const SAME = 1e-4; // seconds; records closer than that are at one time
-const NO_UNITS = new Map(); // they stand beside the names
 const NO_MARKS = { tools: null, layer: () => null, setCamera() {} };
 const WORDS = ['object_id', 'object_family', 'policy', 'split', 'corrected_outcome', 'data_quality', 'tags', 'note'];
 const HELP = [
@@ -239,16 +239,23 @@ function factTable(sides, library) {
 
   function line(name, values) {
     if (values.every((value) => value === undefined || value === null)) return null;
-    const texts = values.map((value) => readable(factText(name, value, NO_UNITS, library)) || '–');
+    const column = told.get(name);
+    const texts = values.map((value) => valueText(name, value, column));
     const isNumber = values.every((value) => typeof value === 'number') && name !== 'collision_body';
     const difference = isNumber && texts[0] !== texts[1] ? values[1] - values[0] : null;
-    const units = unitText(told.get(name)?.units ?? '');
+    const units = shownUnit(column);
     return h(
       'tr',
       { class: texts[0] === texts[1] ? '' : 'differs', dataset: { fact: name } },
-      h('th', { scope: 'row', title: told.get(name)?.description ?? null }, readable(name), units ? h('span', { class: 'chart-units' }, ` (${units})`) : null),
+      h('th', { scope: 'row', title: column?.description ?? null }, readable(name), units ? h('span', { class: 'chart-units' }, ` (${units})`) : null),
       texts.map((text, i) => h('td', { class: typeof values[i] === 'string' ? 'words' : null }, text)),
-      h('td', { class: 'difference' }, difference === null ? '' : `${difference > 0 ? '+' : '−'}${amount(Math.abs(difference))}`),
+      h('td', { class: 'difference' }, difference === null ? '' : `${difference > 0 ? '+' : '−'}${amount(Math.abs(shownFactor(column) * difference))}`),
     );
+  }
+
+  /** The unit stands beside the name. */
+  function valueText(name, value, column) {
+    if (column?.shown && typeof value === 'number') return shownText(column, value, { unit: false });
+    return readable(factText(name, value, new Map(), library)) || '–';
   }
 }

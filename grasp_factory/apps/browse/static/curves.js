@@ -2,7 +2,7 @@
 
 import { nearest } from './clock.js';
 import { h } from './dom.js';
-import { unitText } from './facts.js';
+import { unitText } from './units.js';
 import { cssColor } from './format.js';
 import { leastSpan, makeLegend, tickTexts } from './legend.js';
 import uPlot from './vendor/uplot.js';

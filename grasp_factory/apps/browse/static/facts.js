@@ -3,6 +3,7 @@
 import { h } from './dom.js';
 import { amount, readable } from './format.js';
 import { notice } from './overlays.js';
+import { shownText, shownUnit } from './units.js';
 
 const MEASURED = [
   ...['lift_height', 'slip_distance', 'slip_angle', 'min_grip_force', 'hold_duration', 'shake_level'],
@@ -58,13 +59,8 @@ export function factText(name, value, told, library) {
   }
   if (Array.isArray(value)) return value.map((one) => factText('', one, told, library)).join(', ');
   if (typeof value === 'boolean') return value ? 'yes' : 'no';
-  return amount(value, unitText(told.get(name)?.units ?? ''), 4);
-}
-
-/** 'm/s2' -> 'm/s²'; a unit that begins with a number is a factor. */
-export function unitText(units) {
-  const text = units.replace(/(?<=[a-z])2/g, '²').replace(/(?<=[a-z])3/g, '³');
-  return /^\d/.test(text) ? `× ${text}` : text;
+  const column = told.get(name);
+  return column?.shown && typeof value === 'number' ? shownText(column, value) : amount(value, shownUnit(column), 4);
 }
 
 function table(title, names, columns, told, library) {

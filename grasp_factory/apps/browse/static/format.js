@@ -51,7 +51,7 @@ export function cssColor(name, fallback = '--muted') {
 }
 
 export function outcomeColor(outcome) {
-  return cssColor(`--outcome-${String(outcome).replaceAll('_', '-')}`, '--outcome-other');
+  return cssColor(`--outcome-${String(outcome).replaceAll('_', '-')}`, '--muted');
 }
 
 function significant(value, digits) {

@@ -5,6 +5,7 @@ import { bounds } from './conditions.js';
 import { clear, h } from './dom.js';
 import { amount, count, cssColor, readable, share } from './format.js';
 import { tickTexts } from './legend.js';
+import { shownFactor, shownUnit, storedValue } from './units.js';
 
 /**
  * Bars of a column's words: the length is the count, the dark part are successes.
@@ -104,6 +105,7 @@ export function numberBars({ columns, range, choose }) {
   const said = h('p', { class: 'muted small plot-said', 'aria-live': 'off' });
   const low = edge('from');
   const high = edge('to');
+  const unit = h('span', { class: 'muted', dataset: { testid: 'measurement-unit' } });
   const whole = h(
     'button',
     { type: 'button', class: 'quiet small', onclick: () => range(null, null) },
@@ -115,13 +117,14 @@ export function numberBars({ columns, range, choose }) {
     h('div', { class: 'row' }, h('h3', null, 'Distribution of'), select),
     place,
     said,
-    h('div', { class: 'row range' }, low, h('span', { class: 'muted' }, 'to'), high, whole),
+    h('div', { class: 'row range' }, low, h('span', { class: 'muted' }, 'to'), high, unit, whole),
   );
   const watch = new ResizeObserver(() => plot?.setSize(size()));
   const scheme = matchMedia('(prefers-color-scheme: dark)');
   const redraw = () => last && draw(...last);
   let plot = null;
   let last = null;
+  let shown = null;
   watch.observe(place);
   scheme.addEventListener('change', redraw);
 
@@ -139,22 +142,25 @@ export function numberBars({ columns, range, choose }) {
 
   function typed() {
     const values = [low, high].map((field) =>
-      field.value.trim() === '' ? null : Number(field.value),
+      field.value.trim() === '' ? null : storedValue(shown, Number(field.value)),
     );
     [low, high].forEach((field, i) => field.setAttribute('aria-invalid', Number.isNaN(values[i])));
     if (!values.some(Number.isNaN)) range(...values);
   }
 
-  function draw(column, found, conditions) {
-    last = [column, found, conditions];
+  function draw(column, stored, conditions) {
+    last = [column, stored, conditions];
+    shown = columns.find(({ name }) => name === column);
+    const factor = shownFactor(shown);
+    const found = { ...stored, edges: stored.edges?.map((edge) => factor * edge), units: shownUnit(shown) };
+    unit.textContent = found.units;
     plot?.destroy();
     plot = null;
     clear(place);
     select.value = column;
     node.dataset.column = column;
     const set = bounds(conditions, column);
-    low.value = set.low;
-    high.value = set.high;
+    [low.value, high.value] = [set.low, set.high].map((text) => inShownUnit(text, factor));
     whole.hidden = !(set.low || set.high);
     if (!found.counts?.some(Boolean)) {
       said.textContent = 'No values among these episodes.';
@@ -171,7 +177,7 @@ export function numberBars({ columns, range, choose }) {
     const missing = found.missing ? `; ${count(found.missing)} without a value` : '';
     const total = found.counts.reduce((a, b) => a + b, 0);
     const values = `${count(total)} values${missing}`;
-    said.textContent = `${values}; green: successes. Drag over a range to filter.`;
+    said.textContent = `${values}; dark: successes. Drag over a range to filter.`;
   }
 
   function options(found) {
@@ -212,8 +218,8 @@ export function numberBars({ columns, range, choose }) {
       ],
       series: [
         {},
-        { paths: bars, width: 0, fill: cssColor('--bar'), points: quiet },
-        { paths: bars, width: 0, fill: cssColor('--bar-good'), points: quiet },
+        { paths: bars, width: 0, fill: cssColor('--failures'), points: quiet },
+        { paths: bars, width: 0, fill: cssColor('--successes'), points: quiet },
       ],
       hooks: {
         setCursor: [(u) => tell(u, found, units)],
@@ -244,7 +250,8 @@ export function numberBars({ columns, range, choose }) {
     const from = tidy(u.posToVal(u.select.left, 'x'), step);
     const to = tidy(u.posToVal(u.select.left + u.select.width, 'x'), step);
     // The last bin holds its upper edge, and a range does not.
-    range(from <= edges[0] ? null : from, to >= edges.at(-1) ? null : to);
+    const kept = (value, isOpen) => (isOpen ? null : storedValue(shown, value));
+    range(kept(from, from <= edges[0]), kept(to, to >= edges.at(-1)));
   }
 
   function size() {
@@ -269,6 +276,12 @@ function valueOf(bar) {
 function series(found) {
   // The last edge closes the last bar.
   return [found.edges, [...found.counts, null], [...found.successes, null]];
+}
+
+/** A bound of a condition, a text, in the unit that is shown; what is no number stays as it is. */
+function inShownUnit(text, factor) {
+  const number = Number(text);
+  return text === '' || Number.isNaN(number) ? text : String(Number((factor * number).toPrecision(12)));
 }
 
 /** Round to the decimal place of a step: a dragged edge has no more digits than a pixel tells. */

@@ -172,7 +172,7 @@ function imageKeys({ kind, camera }, episode, library) {
     const [near, far] = episode.depth_range[camera];
     return [
       h('span', null, `${near.toFixed(2)} m`),
-      h('span', { class: 'depth-bar', role: 'img', 'aria-label': 'near red, far blue' }),
+      h('span', { class: 'depth-bar', role: 'img', 'aria-label': 'near dark, far bright' }),
       h('span', null, `${far.toFixed(2)} m`),
     ];
   }

@@ -4,7 +4,7 @@ import { h } from './dom.js';
 import { readable } from './format.js';
 
 // The least height of a chart by its units, so that the noise of what rests does not fill it.
-const LEAST = { m: 0.002, rad: 0.01, 'rad/s': 0.01, N: 1, 'N m': 0.1, 'm/s2': 0.5 };
+const LEAST = { m: 0.002, mm: 2, rad: 0.01, 'rad/s': 0.01, N: 1, 'N m': 0.1, 'm/s2': 0.5 };
 
 export function leastSpan(units) {
   return LEAST[units] ?? 1e-6;

@@ -1,14 +1,12 @@
 // What happens, drawn over a camera's image: gripper, arm, planned grasp and the target's way.
 
+import { cssColor } from './format.js';
 import { isPose, makeView, placed } from './projection.js';
 
 const STEM = 0.1; // metres from the TCP back along the approach
-const TRACE = 'rgb(255 214 10)';
-const ARM = 'rgb(255 255 255 / 80%)';
-const GRIPPER = 'rgb(0 229 255)';
-const PLANNED = 'rgb(255 0 255)';
-const OUTLINE = 'rgb(0 0 0 / 65%)';
-const AXES = ['rgb(255 70 70)', 'rgb(70 220 90)', 'rgb(80 140 255)'];
+const [TARGET, ARM, GRIPPER, PLANNED, OUTLINE, ...AXES] = [
+  ...['--target', '--arm', '--gripper', '--grasp', '--outline', '--axis-x', '--axis-y', '--axis-z'],
+].map((name) => cssColor(name));
 
 /** Draw record `index` on a canvas that lies over an image of `camera`, taken at `frame`. */
 export function drawScene(canvas, episode, series, camera, frame, index) {
@@ -84,11 +82,11 @@ function drawTarget(pen, poses, index) {
   const now = poses?.[index];
   if (!isPose(now)) return;
   const way = poses.slice(0, index + 1).filter(isPose).map((pose) => pose.slice(0, 3));
-  if (way.length > 1) pen.line(way, TRACE, 1.5);
+  if (way.length > 1) pen.line(way, TARGET, 1.5);
   [[0.04, 0, 0], [0, 0.04, 0], [0, 0, 0.04]].forEach((tip, i) =>
     pen.line([now.slice(0, 3), placed(now, tip)], AXES[i], 1.5),
   );
-  pen.dot(now.slice(0, 3), TRACE);
+  pen.dot(now.slice(0, 3), TARGET);
 }
 
 function drawArm(pen, points) {
@@ -110,6 +108,6 @@ function drawGripper(pen, tcp, width, padSize) {
 export const SCENE_KEYS = [
   [GRIPPER, 'gripper'],
   [ARM, 'arm'],
-  [TRACE, 'target and its way'],
+  [TARGET, 'target and its way'],
   [PLANNED, 'planned grasp'],
 ];

@@ -6,7 +6,7 @@ import uPlot from './vendor/uplot.js';
 
 const HEIGHT = 132;
 const AXES = ['x', 'y', 'z'];
-const COLORS = ['--bad', '--good', '--accent', '--outcome-no-plan', '--outcome-lost-in-shake', '--outcome-lost-in-lift', '--muted', '--text'];
+const COLORS = [0, 1, 2, 3, 4, 5, 6].map((i) => `--curve-${i}`);
 
 /** {node, draw(curves)}: curves as /api/curves answers them. */
 export function makeSessionCurves() {
@@ -54,7 +54,7 @@ function makeChart({ device, title, units }) {
     if (series.length !== lines) {
       plot?.destroy();
       lines = series.length;
-      const names = namesOf(lines);
+      const names = lines === 1 ? [title] : namesOf(lines);
       plot = new uPlot(options(names), [times, ...series], place);
       legend.replaceChildren(...names.map((name, i) => entry(name, i)));
     }

@@ -1,11 +1,12 @@
 // The gripper as three boxes and the arm as lines, in the world.
 
+import { cssColor } from './format.js';
 import * as THREE from './vendor/three.js';
 
 const PALM = 0.1; // metres from the TCP back to the palm
 const THICK = 0.01;
-const GRIPPER = 0x00b8d4;
-const ARM = 0xff9100;
+const GRIPPER = cssColor('--gripper');
+const ARM = cssColor('--arm');
 
 /** Put an object at a pose: x, y, z, quaternion x, y, z, w. */
 export function place(object, [x, y, z, qx, qy, qz, qw]) {

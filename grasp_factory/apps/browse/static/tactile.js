@@ -2,11 +2,10 @@
 
 import { getBytes } from './api.js';
 import { h } from './dom.js';
-import { amount } from './format.js';
+import { amount, cssColor } from './format.js';
 
 const PADS = ['left', 'right'];
-// Inferno's way from black to pale yellow: its lightness rises evenly, also for colour-blind eyes.
-const STOPS = [[0, 0, 4], [40, 11, 84], [101, 21, 110], [159, 42, 99], [212, 72, 66], [245, 125, 21], [250, 193, 39], [252, 255, 164]];
+const STOPS = cssColor('--force-stops').split(',').map(partsOf);
 
 /** Returns {node}; what it needs is asked for in the background. `brightest` is the scale's end, N. */
 export function makeTactile({ store, row, episode, series, clock, signal, brightest }) {
@@ -97,6 +96,11 @@ function makePad(name, rows, columns, padSize) {
     center.style.top = `${(100 * (z / sum + 0.5)) / rows}%`;
   }
   return { node, draw };
+}
+
+/** '#102030' -> [16, 32, 48]. */
+function partsOf(color) {
+  return [1, 3, 5].map((at) => Number.parseInt(color.trim().slice(at, at + 2), 16));
 }
 
 function colorOf(share) {

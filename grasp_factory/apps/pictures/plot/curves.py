@@ -12,9 +12,17 @@ from matplotlib.ticker import MaxNLocator
 
 from grasp_factory.apps.pictures.plot import style
 from grasp_factory.apps.pictures.plot.style import NORMAL, SMALL, PageLayout, Rect
+from grasp_factory.core import palette
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.geometry import Array
-from grasp_factory.signals.plot_series import CurveGroup, Moment, PhaseSpan, phase_spans
+from grasp_factory.core.shown_units import SHOWN_UNITS
+from grasp_factory.signals.plot_series import (
+    CurveGroup,
+    Moment,
+    PhaseSpan,
+    in_shown_unit,
+    phase_spans,
+)
 
 SHOWN = (
     *("joint_positions", "gripper_width", "pad_force", "object_height", "wrist_force"),
@@ -23,7 +31,6 @@ SHOWN = (
 """Groups that are drawn, from the top."""
 FROM_ZERO = ("gripper_width", "pad_force", "object_height")
 """Groups whose axis includes 0, because small changes far from 0 do not matter."""
-SCALED = {"gripper_width": (1e3, "mm"), "object_height": (1e2, "cm")}
 UNITS = {"m/s2": "m/s²", "N m": "N·m"}
 MARKS, BAR, TITLE, TICKS = 34, 18, 24, 34
 """Heights of the marks' words, the phases' bar, a panel's title, and the time axis' numbers."""
@@ -87,13 +94,14 @@ def draw_curves(
 
 
 def _draw_group(ax: Axes, group: CurveGroup, times: Array, wanted: float | None) -> None:
-    factor, units = SCALED.get(group.key, (1.0, UNITS.get(group.units, group.units)))
+    factor = SHOWN_UNITS[group.key].factor if group.key in SHOWN_UNITS else 1.0
+    group = in_shown_unit(group)
     marker = "." if len(times) < 3 else ""
     for name, values, color in zip(group.names, group.values.T, cycle(style.LINES), strict=False):
         is_target = name == "target"
         ax.plot(
-            times, factor * values, label=name, marker=marker,
-            color=style.BLACK if is_target else color, linestyle="--" if is_target else "-",
+            times, values, label=name, marker=marker,
+            color=style.INK if is_target else color, linestyle="--" if is_target else "-",
             linewidth=0.9 if is_target else 1.2,
         )  # fmt: skip
     if wanted:
@@ -105,7 +113,7 @@ def _draw_group(ax: Axes, group: CurveGroup, times: Array, wanted: float | None)
             label="asked for success",
         )
     ax.set_title(group.title, loc="left", fontsize=NORMAL, fontweight="bold", pad=4)
-    ax.set_ylabel(units, fontsize=NORMAL)
+    ax.set_ylabel(UNITS.get(group.units, group.units), fontsize=NORMAL)
     ax.yaxis.set_major_locator(MaxNLocator(nbins=4, min_n_ticks=2))
     ax.margins(y=0.08)
     ax.ticklabel_format(axis="y", useOffset=False)
@@ -169,7 +177,8 @@ def _marks(episode: Episode, moments: Sequence[Moment]) -> list[TimeMark]:
     ]
     loss = float(episode.columns.get("loss_time", np.nan))
     if np.isfinite(loss):
-        marks.append(TimeMark(time=loss, word="lost", color=style.RED, style="--"))
+        color = palette.OUTCOMES["lost_in_hold"].light
+        marks.append(TimeMark(time=loss, word="lost", color=color, style="--"))
     return sorted((mark for mark in marks if np.isfinite(mark.time)), key=lambda mark: mark.time)
 
 

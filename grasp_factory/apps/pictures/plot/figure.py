@@ -18,8 +18,10 @@ from grasp_factory.apps.pictures.plot.curves import draw_curves, is_drawn
 from grasp_factory.apps.pictures.plot.pictures import draw_pictures
 from grasp_factory.apps.pictures.plot.style import LARGE, SMALL, PageLayout, drawable
 from grasp_factory.apps.pictures.plot.touch import draw_touch
+from grasp_factory.core import palette
 from grasp_factory.core.enums import label_names, word_of
 from grasp_factory.core.episode import Episode
+from grasp_factory.core.shown_units import SHOWN_UNITS
 from grasp_factory.signals.plot_series import curve_groups, touch_moments
 
 MARGIN, HEADING, FOOT = 24, 84, 30
@@ -28,15 +30,15 @@ SIDE = 620
 AXIS = 64
 """Width left of the curves for their axes' numbers."""
 NUMBERS = (
-    ("lift_height", "lifted", 100.0, "cm", 1),
-    ("slip_distance", "slipped", 1000.0, "mm", 1),
-    ("slip_angle", "turned in the hand", 180.0 / math.pi, "°", 1),
-    ("min_grip_force", "least grip force", 1.0, "N", 1),
-    ("hold_duration", "held", 1.0, "s", 2),
-    ("shake_level", "survived a shake of", 1.0, "g", 2),
-    ("loss_time", "lost at", 1.0, "s", 2),
+    ("lift_height", "lifted"),
+    ("slip_distance", "slipped"),
+    ("slip_angle", "turned in the hand"),
+    ("min_grip_force", "least grip force"),
+    ("hold_duration", "held"),
+    ("shake_level", "survived a shake of"),
+    ("loss_time", "lost at"),
 )
-"""Columns that are shown if they are more than 0: column, words, factor, unit, decimals."""
+"""Columns that are shown if they are more than 0, and their words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,17 +85,16 @@ def facts(episode: Episode) -> list[str]:
     """Return the measurements of an attempt in words, without those that are missing or 0."""
     columns, spec = episode.columns, episode.spec
     words = []
-    for column, what, factor, unit, decimals in NUMBERS:
-        value = factor * float(columns.get(column, math.nan))
-        if value >= 0.5 * 10.0**-decimals:  # false for NaN
-            space = "" if unit == "°" else " "
-            words.append(f"{what} {value:.{decimals}f}{space}{unit}")
+    for column, what in NUMBERS:
+        value, shown = float(columns.get(column, math.nan)), SHOWN_UNITS[column]
+        if shown.factor * value >= 0.5 * 10.0**-shown.decimals:  # false for NaN
+            words.append(f"{what} {shown.text(value)}")
     body = int(columns.get("collision_body", 0))
     touched = word_of(body, label_names(len(spec.objects)))
     if body and touched:
         words.append(f"hit the {touched}")
     if spec.objects[0].mass is not None:
-        words.append(f"mass {1000.0 * spec.objects[0].mass:.0f} g")
+        words.append(f"mass {SHOWN_UNITS['object_mass'].text(spec.objects[0].mass)}")
     if columns.get("quality"):
         words.append(f"quality {int(columns['quality'])} of 5")
     return words
@@ -103,7 +104,7 @@ def _draw_heading(page: PageLayout, subject: Subject) -> None:
     episode = subject.episode
     target = episode.spec.objects[0]
     word = episode.outcome.name.lower().replace("_", " ")
-    color = style.GREEN if episode.success else style.RED
+    color = palette.OUTCOMES[str(episode.outcome)].light
     width = 26 + 9.6 * len(word)
     badge = page.axes(MARGIN, 16, width, 26)
     style.bare(badge)

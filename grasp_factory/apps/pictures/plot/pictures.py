@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -13,6 +12,7 @@ from matplotlib.patheffects import withStroke
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.plot import style
 from grasp_factory.apps.pictures.plot.style import NORMAL, SMALL, PageLayout
+from grasp_factory.core import palette
 from grasp_factory.core.enums import UNKNOWN, label_names
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import Array
@@ -73,7 +73,7 @@ def _draw_depth(
         return
     near_and_far = painting.depth_span(frames.depth, frames.segmentation, far)
     span = Normalize(*near_and_far)
-    colors = mpl.colormaps["viridis_r"].with_extremes(bad=style.NOTHING)
+    colors = style.color_map(palette.depth_colors(), "depth").with_extremes(bad=style.NOTHING)
     for ax, depth in zip(axes, frames.depth, strict=True):
         seen = np.ma.masked_where(~(depth < far), depth)
         ax.imshow(seen, cmap=colors, norm=span, interpolation="nearest", aspect="equal")

@@ -1,7 +1,6 @@
 """The colours and the layout of a picture.
 
-The lines have the colours of Okabe and Ito, and the phases have Tol's pale colours. Colour-blind
-people can distinguish both.
+The colours are those of ``palette``; the phases are paler, because curves are drawn over them.
 """
 
 from __future__ import annotations
@@ -10,29 +9,37 @@ import math
 from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
+from numpy.typing import NDArray
+
+from grasp_factory.core import palette
 
 Rect = tuple[float, float, float, float]
 """Left, top, width and height."""
 
-BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-BLUE, RED, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-LINES = (BLUE, RED, GREEN, ORANGE, PURPLE, SKY, BLACK)
+INK, PALE, GRID, NOTHING, GRASP = (
+    palette.INK,
+    palette.PALE,
+    palette.GRID,
+    palette.NOTHING,
+    palette.GRASP,
+)
+CENTER = palette.GRIPPER
+"""The centre of pressure, over the colours of forces."""
+LINES = tuple(curve.light for curve in palette.CURVES)
 """Colours of a group's curves, in turn."""
+_PALER = 0.72
+"""Share of white in a phase's colour."""
 PHASES = {
-    "pregrasp": "#DDDDDD",
-    "approach": "#BBCCEE",
-    "close": "#CCDDAA",
-    "lift": "#EEEEBB",
-    "hold": "#CCEEFF",
-    "shake": "#FFCCCC",
+    name: palette.hex_color(
+        np.rint(np.multiply(palette.rgb(paint.light), 1.0 - _PALER) + 255.0 * _PALER)
+    )
+    for name, paint in palette.PHASES.items()
 }
-INK, PALE, GRID = "#262830", "#6b7078", "#d9dce0"
-NOTHING = "#404246"
-"""Colour of pixels where a depth image sees nothing."""
-GRASP = "#ff00ff"
 
 DPI = 100
 """Dots per inch at which a picture's lengths are pixels."""
@@ -99,3 +106,8 @@ def bare(ax: Axes) -> None:
     ax.set_yticks([])
     for spine in ax.spines.values():
         spine.set_visible(False)
+
+
+def color_map(colors: NDArray[np.uint8], name: str) -> ListedColormap:
+    """Return a colour map of ``palette``, (n, 3) RGB."""
+    return ListedColormap(colors / 255.0, name=name)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import Colormap, Normalize
 
 from grasp_factory.apps.pictures.plot import style
 from grasp_factory.apps.pictures.plot.style import SMALL, PageLayout, Rect
+from grasp_factory.core import palette
 from grasp_factory.core.geometry import Array
 from grasp_factory.signals.plot_series import (
     PADS,
@@ -48,6 +48,7 @@ def draw_touch(
     rows = taxel_rows(pad_size)
     images = [_image(streams, pad_size, moment) for moment in moments]
     norm = Normalize(0.0, max(float(np.max(images)), 1e-9))
+    colors = style.color_map(palette.force_colors(), "force")
     high = height - TITLE - WORDS - TICKS
     room = (width - LEFT - SCALE) / len(moments) - APART
     wide = min((room - GAP) / 2, high * pad_size[0] / pad_size[1])
@@ -62,17 +63,17 @@ def draw_touch(
         forces = pad_forces({k: v[[moment.record]] for k, v in streams.items()})[0]
         for pad, word in enumerate(PADS):
             ax = page.axes(start + pad * (wide + GAP), y, wide, high)
-            _draw_pad(ax, image[pad], norm, pad_size)
+            _draw_pad(ax, image[pad], norm, colors, pad_size)
             ax.set_title(f"{word} {forces[pad]:.1f} N", fontsize=SMALL, pad=3)
             place = _center(streams, moment)[pad] * 1e3
-            ax.plot(*place, marker="+", color=style.SKY, markersize=8, markeredgewidth=1.4)
+            ax.plot(*place, marker="+", color=style.CENTER, markersize=8, markeredgewidth=1.4)
             if moment is not moments[0] or pad:
                 ax.set_yticklabels([])
             else:
                 ax.set_ylabel("height on the pad, mm", fontsize=SMALL, labelpad=2)
         start += 2 * wide + GAP + APART
     legend = page.axes(start, y, 9, high)
-    page.figure.colorbar(ScalarMappable(norm, mpl.colormaps["magma"]), cax=legend)
+    page.figure.colorbar(ScalarMappable(norm, colors), cax=legend)
     legend.tick_params(labelsize=SMALL, length=2, pad=2)
     legend.set_ylabel("N per taxel", fontsize=SMALL)
     page.text(
@@ -98,11 +99,13 @@ def _center(streams: Series, moment: Moment) -> Array:
     return np.asarray(center_of_pressure(at)[0])
 
 
-def _draw_pad(ax: Axes, image: Array, norm: Normalize, pad_size: tuple[float, float]) -> None:
+def _draw_pad(
+    ax: Axes, image: Array, norm: Normalize, colors: Colormap, pad_size: tuple[float, float]
+) -> None:
     half_width = 500.0 * pad_size[0] * COLUMNS / (COLUMNS - 1)  # the outer taxels' centres are
     half_height = 500.0 * pad_size[1] * len(image) / (len(image) - 1)  # on the pad's edges
     ax.imshow(
-        image, origin="lower", cmap="magma", norm=norm, interpolation="nearest", aspect="auto",
+        image, origin="lower", cmap=colors, norm=norm, interpolation="nearest", aspect="auto",
         extent=(-half_width, half_width, -half_height, half_height),
     )  # fmt: skip
     tick = 5.0 if half_width > 7.0 else 1.0

@@ -11,6 +11,7 @@ import numpy as np
 
 from grasp_factory.core.config.cameras import Mount
 from grasp_factory.core.geometry import Array, Pose, look_at
+from grasp_factory.core.palette import OUTCOMES, rgb
 from grasp_factory.writers.exporters.plain_columns import plain_columns
 from grasp_factory.writers.exporters.rosbag.camera_topics import camera_messages, video_messages
 from grasp_factory.writers.exporters.rosbag.series_topics import series_messages
@@ -18,7 +19,6 @@ from grasp_factory.writers.exporters.rosbag.topics import START_NS, BagScene, St
 
 _TEXT, _TEXT_HEIGHT_M = 9, 0.04
 """Type of a marker that is text, and the height of its letters; see visualization_msgs/Marker."""
-_GREEN, _RED = (0.0, 0.8, 0.0), (0.9, 0.0, 0.0)
 
 
 def episode_messages(scene: BagScene) -> Iterator[StampedMessage]:
@@ -47,7 +47,7 @@ def label_marker(scene: BagScene) -> StampedMessage:
     grasp = np.asarray(episode.columns["grasp_position"], np.float64)
     place = grasp if np.isfinite(grasp).all() else episode.columns["object_rest_pose"][0, :3]
     place = np.zeros(3) if episode.is_real and np.isnan(place).any() else np.asarray(place)
-    red, green, blue = _GREEN if episode.success else _RED
+    red, green, blue = (part / 255.0 for part in rgb(OUTCOMES[str(episode.outcome)].dark))
     marker = make(
         topic.kind,
         header=make.header(START_NS, "world"),
