@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.config_difference import first_difference
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.yaml_loader import MAX_BYTES, parse_yaml, yaml_mapping
 from grasp_factory.core.plugins.file_loading import file_reference
 from grasp_factory.core.regular_file import open_regular, read_part

@@ -11,18 +11,20 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
-from grasp_factory.core.serialization import check, check_range, is_integer, sections_of, to_plain
+from grasp_factory.core.config.within import Valid, Within, check_within
+from grasp_factory.core.serialization import check, is_integer, sections_of, to_plain
 from grasp_factory.errors import ConfigError, did_you_mean, lookup, shown
 
 MAX_EPISODES = 1_000_000
 MAX_WORKERS = 512
 MAX_SHARDS = 10_000
+SHARDS = f"I/K with K from 1 to {MAX_SHARDS}"
 EPISODE_TIMEOUT_S = 600.0
 """A worker that makes one episode for longer is killed; see ``retry_policy.Losses.silence``."""
 MAX_FAILURES = 0.25
@@ -43,6 +45,12 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """Presets by key, then by name: a preset's name may replace a section."""
 
 
+_HEAD = """\
+# Settings of `grasp-factory generate`: for --config FILE, or as grasp-factory.yaml in the current
+# folder. Any key may be left out. A comment says what a key means, and which values are valid.
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Shard:
     """One of ``count`` parts of a store, each of which has every ``count``-th block."""
@@ -53,7 +61,7 @@ class Shard:
 
     def __post_init__(self) -> None:
         ok = is_integer(self.count) and 1 <= self.count <= MAX_SHARDS
-        check(ok, "shard", str(self), f"I/K with K from 1 to {MAX_SHARDS}")
+        check(ok, "shard", str(self), SHARDS)
         ok = is_integer(self.index) and 0 <= self.index <= self.count
         check(ok, "shard", str(self), f"I/K with I from 0 to K ({self.count})")
 
@@ -85,15 +93,17 @@ class Request:
     """A checked run: ``config`` decides the content, the rest decides how much, where and how."""
 
     config: FactoryConfig
-    n: int = 50
+    n: Annotated[int, Within(1, MAX_EPISODES)] = 50
     """Number of episodes that the store must have."""
-    workers: int = 2
+    workers: Annotated[int, Within(1, MAX_WORKERS)] = 2
+    """Number of worker processes."""
     out: Path = Path("grasps.zarr")
-    episode_timeout: float = EPISODE_TIMEOUT_S
+    """Path of the store."""
+    episode_timeout: Annotated[float, Within(0.0, 1e6, "s")] = EPISODE_TIMEOUT_S
     """Seconds that an episode may take before its worker is ended; 0 for no limit."""
-    max_failures: float = MAX_FAILURES
+    max_failures: Annotated[float, Within(0.0, 1.0)] = MAX_FAILURES
     """Share of quarantined episodes above which the run counts as failed."""
-    shard: Shard = WHOLE
+    shard: Annotated[Shard, Valid(SHARDS)] = WHOLE
     """The part of the store that this run makes."""
     retry_quarantined: bool = False
     """Whether quarantined episodes are tried again."""
@@ -102,23 +112,21 @@ class Request:
 
     def __post_init__(self) -> None:
         check(isinstance(self.shard, Shard), "shard", self.shard, "a Shard, as Shard(1, 4)")
-        check_range(self, "episode_timeout", 0.0, 1e6, "s")
-        check_range(self, "max_failures", 0.0, 1.0)
         for key, highest in (("n", MAX_EPISODES), ("workers", MAX_WORKERS)):
             got = getattr(self, key)
             ok = is_integer(got) and 1 <= got <= highest
             check(ok, key, got, f"an integer from 1 to {highest}")
             object.__setattr__(self, key, int(got))  # JSON cannot hold a numpy integer
+        check_within(self)
 
     def to_yaml(self) -> str:
-        """Return the settings as YAML, ready to be a config file."""
-        import yaml  # noqa: PLC0415 -- late: it takes a tenth of the time of `--help`
+        """Return the settings as YAML with comments, ready to be a config file."""
+        from grasp_factory.core.config.commented_yaml import commented_yaml  # noqa: PLC0415 - slow
 
         run = {key: getattr(self, key) for key in RUN_KEYS}
         run |= {"out": str(self.out), "shard": str(self.shard)}
-        return yaml.safe_dump(
-            run | self.config.to_plain(), sort_keys=False, default_flow_style=None, width=100
-        )
+        run_lines = commented_yaml(Request, run)
+        return f"{_HEAD}\n{run_lines}\n{commented_yaml(FactoryConfig, self.config.to_plain())}"
 
 
 DEFAULT_RUN = Request(config=FactoryConfig())

@@ -38,7 +38,8 @@ from grasp_factory.apps.learning.progress_callback import unwatched
 from grasp_factory.apps.learning.scores import Estimate
 from grasp_factory.cli import run_progress
 from grasp_factory.core.cache import VARIABLE
-from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.config_difference import first_difference
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.splits import SPLITS

@@ -582,7 +582,9 @@ class TestALongRun:
         assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
         assert "0/3" in text
         assert "3/3" in text
-        assert re.search("(episode/s|s/episode), success ", text)  # a slow machine has the other unit
+        assert re.search(
+            "(episode/s|s/episode), success ", text
+        )  # a slow machine has the other unit
         assert "3 episodes made" in text
 
 

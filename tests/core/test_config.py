@@ -14,7 +14,8 @@ import pytest
 import yaml
 from support.fake_episodes import make_spec, small_config
 
-from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.config_difference import first_difference
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.core.config.motion import MotionConfig
 from grasp_factory.core.config.physics import PHYSICS_PRESETS

@@ -11,7 +11,7 @@ from typing import Any
 from grasp_factory.apps.active_learning.files import make_folder, read, write_if_new
 from grasp_factory.apps.active_learning.settings import FlywheelSettings
 from grasp_factory.core.atomic_file import partial_path
-from grasp_factory.core.config.factory_config import first_difference
+from grasp_factory.core.config.config_difference import first_difference
 from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import ConfigError, UsageError
 

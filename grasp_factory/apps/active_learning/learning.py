@@ -18,7 +18,7 @@ from grasp_factory.apps.active_learning.stores import StoreFacts
 from grasp_factory.apps.learning.examples import ExampleReader, Examples, Grasps
 from grasp_factory.apps.learning.progress_callback import ProgressWatch
 from grasp_factory.apps.learning.training import TrainSettings, fit
-from grasp_factory.core.config.factory_config import first_difference
+from grasp_factory.core.config.config_difference import first_difference
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError

@@ -8,9 +8,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated
 
-from grasp_factory.core.serialization import check, check_range
+from grasp_factory.core.config.within import Valid, Within, check_within
+from grasp_factory.core.serialization import check
 from grasp_factory.core.vectors import Vector3
+
+PLACE = "within 100 m of the origin"
+UP = "not parallel to target - eye"
 
 
 class Mount(Enum):
@@ -25,33 +30,34 @@ class Mount(Enum):
 class CameraConfig:
     """A camera at ``eye`` that looks at ``target`` (metres, in the frame of its mount)."""
 
-    eye: Vector3
-    target: Vector3
-    up: Vector3 = (0.0, 0.0, 1.0)
+    eye: Annotated[Vector3, Valid(PLACE)]
+    """Where the camera is, metres, in the frame of its mount."""
+    target: Annotated[Vector3, Valid(PLACE)]
+    """The point that it looks at, metres, in the same frame."""
+    up: Annotated[Vector3, Valid(UP)] = (0.0, 0.0, 1.0)
+    """The direction that is up in the image, in the same frame."""
     mount: Mount = Mount.WORLD
     """What it is fixed to."""
-    fov_y_deg: float = 45.0
+    fov_y_deg: Annotated[float, Within(1.0, 170.0, "degrees")] = 45.0
     """Vertical field of view, degrees."""
-    near: float = 0.1
+    near: Annotated[float, Within(0.001, 10.0, "m")] = 0.1
     """Near end of the clipping range, metres; a narrow range makes the z-buffer more precise."""
-    far: float = 4.0
+    far: Annotated[float, Within(0.01, 100.0, "m")] = 4.0
     """Far end of the clipping range, metres."""
 
     def __post_init__(self) -> None:
-        check_range(self, "fov_y_deg", 1.0, 170.0, "degrees")
-        check_range(self, "near", 0.001, 10.0, "m")
-        check_range(self, "far", 0.01, 100.0, "m")
+        check_within(self)
         check(self.near < self.far, "near", self.near, f"less than far ({self.far})")
         for key in ("eye", "target"):
             near = all(abs(x) <= 100.0 for x in getattr(self, key))
-            check(near, key, getattr(self, key), "within 100 m of the origin")
+            check(near, key, getattr(self, key), PLACE)
         view = [t - e for t, e in zip(self.target, self.eye, strict=True)]
         cross = [
             view[1] * self.up[2] - view[2] * self.up[1],
             view[2] * self.up[0] - view[0] * self.up[2],
             view[0] * self.up[1] - view[1] * self.up[0],
         ]
-        check(sum(v * v for v in cross) > 1e-12, "up", self.up, "not parallel to target - eye")
+        check(sum(v * v for v in cross) > 1e-12, "up", self.up, UP)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from grasp_factory.core.serialization import check, check_range, normalise
+from grasp_factory.core.config.within import Within, check_within
+from grasp_factory.core.serialization import check, normalise
 
 FASTEST_HZ = 20_000
 
@@ -16,17 +18,19 @@ class CaptureConfig:
     Rates are upper bounds: samples keep their own times. A rate of 0 leaves the arrays out.
     """
 
-    force_torque_hz: int = 0
+    force_torque_hz: Annotated[int, Within(0, FASTEST_HZ, "Hz")] = 0
     """Most samples per second of the force-torque sensor, Hz."""
-    joints_hz: int = 0
+    joints_hz: Annotated[int, Within(0, FASTEST_HZ, "Hz")] = 0
     """Most states per second of the joints and the gripper, Hz."""
-    taxels_hz: int = 0
+    taxels_hz: Annotated[int, Within(0, FASTEST_HZ, "Hz")] = 0
     """Most frames per second of the tactile array, Hz."""
-    imu_hz: int = 0
+    imu_hz: Annotated[int, Within(0, FASTEST_HZ, "Hz")] = 0
     """Most samples per second of the IMU, Hz; 0 for the IMU's rate of the simulated episodes."""
-    taxel_rows: int = 1
-    taxel_columns: int = 1
-    longest_s: float = 30.0
+    taxel_rows: Annotated[int, Within(1, 1024)] = 1
+    """Rows of the tactile array."""
+    taxel_columns: Annotated[int, Within(1, 1024)] = 1
+    """Columns of the tactile array."""
+    longest_s: Annotated[float, Within(0.1, 3600.0, "s")] = 30.0
     """Longest real episode, seconds."""
 
     def __post_init__(self) -> None:
@@ -36,10 +40,6 @@ class CaptureConfig:
             ConfigError: naming the setting.
         """
         normalise(self)
-        for key in ("force_torque_hz", "joints_hz", "taxels_hz", "imu_hz"):
-            check_range(self, key, 0, FASTEST_HZ, "Hz")
-        for key in ("taxel_rows", "taxel_columns"):
-            check_range(self, key, 1, 1024)
-        check_range(self, "longest_s", 0.1, 3600.0, "s")
+        check_within(self)
         taxels = self.taxel_rows * self.taxel_columns
         check(taxels <= 65_536, "taxel_rows", self.taxel_rows, "up to 65,536 taxels in all")

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from grasp_factory.core.config.cameras import CAMERAS, CameraConfig
 from grasp_factory.core.config.capture import CaptureConfig
@@ -18,16 +18,24 @@ from grasp_factory.core.config.physics import PhysicsConfig
 from grasp_factory.core.config.plugin_origin import PluginOrigin, check_plugins, plain_plugins
 from grasp_factory.core.config.quality import QualityConfig
 from grasp_factory.core.config.randomization import RandomizeConfig
-from grasp_factory.core.config.recording import check_divides, check_name, check_recording
+from grasp_factory.core.config.recording import (
+    IMU_HZ,
+    RECORD_HZ,
+    SIDES,
+    VIDEO_HZ,
+    check_divides,
+    check_name,
+    check_recording,
+)
 from grasp_factory.core.config.scene import ClutterConfig, WorkspaceConfig
 from grasp_factory.core.config.shake import SHAKE_MOTIONS, ShakeConfig
+from grasp_factory.core.config.within import Valid, Within, check_within
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.json_text import check_depth
 from grasp_factory.core.renderer import Renderer
 from grasp_factory.core.sensors import series_groups
 from grasp_factory.core.serialization import (
     check,
-    check_range,
     from_plain,
     is_integer,
     is_number,
@@ -35,15 +43,17 @@ from grasp_factory.core.serialization import (
     to_plain,
 )
 from grasp_factory.core.splits import SPLITS
-from grasp_factory.errors import ConfigError, shown
+from grasp_factory.errors import ConfigError
 
+_SPLITS = f"some of {', '.join(SPLITS)}, each once"
+_WEIGHTS = "names with weights >= 0, at least one above 0"
 MAX_VIDEO_GB = 4
 """Largest memory for the videos of a block in each worker, in GB (10^9 bytes)."""
 
 
 def _check_weights(key: str, weights: Mapping[str, float]) -> None:
     ok = all(weight >= 0.0 for weight in weights.values()) and 0.0 < sum(weights.values())
-    check(ok, key, dict(weights), "names with weights >= 0, at least one above 0")
+    check(ok, key, dict(weights), _WEIGHTS)
     ok = math.isfinite(sum(weights.values()))
     check(ok, key, dict(weights), "weights whose sum is a finite number")
 
@@ -66,49 +76,62 @@ def _settled(value: Any) -> Any:
 class FactoryConfig:
     """All settings that determine the content of a dataset, except the number of episodes."""
 
-    seed: int = 0
+    seed: Annotated[int, Within(0, 2**63 - 1)] = 0
+    """Seed of all random draws."""
     robot: str = "kuka_iiwa"
-    policies: Mapping[str, float] = field(default_factory=lambda: {"uniform": 3.0, "top_down": 1.0})
+    """Name of the robot; ``grasp-factory robots`` lists them."""
+    policies: Annotated[Mapping[str, float], Valid(_WEIGHTS)] = field(
+        default_factory=lambda: {"uniform": 3.0, "top_down": 1.0}
+    )
     """Policy name to weight; one policy is drawn for each episode.
 
     With the default about as many grasps succeed as fail.
     """
     policy_parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Policy name to the settings of that policy; missing keys take the policy's defaults."""
-    object_sets: Mapping[str, float] = field(
+    object_sets: Annotated[Mapping[str, float], Valid(_WEIGHTS)] = field(
         default_factory=lambda: {"procedural": 0.5, "blobs": 0.4, "classic": 0.1}
     )
     """Object set name to weight: each object is drawn from one of them."""
     object_folders: Mapping[str, str] = field(default_factory=dict)
     """User's object set to the SHA-256 of its contents (``grasp-factory objects DIR``)."""
-    object_splits: tuple[str, ...] = SPLITS
-    """Objects are drawn from these splits only: some of train, val and test."""
+    object_splits: Annotated[tuple[str, ...], Valid(_SPLITS)] = SPLITS
+    """Objects are drawn from these splits only."""
     clutter: ClutterConfig = field(default_factory=ClutterConfig)
+    """The number of objects, and where they fall; or the number alone."""
     cameras: Mapping[str, CameraConfig] = field(
         default_factory=lambda: {"front": CAMERAS["front"].config}
     )
-    resolution: tuple[int, int] = (640, 480)
+    """Cameras by name; or a list of names that ``grasp-factory cameras`` lists."""
+    resolution: Annotated[tuple[int, int], Valid(SIDES)] = (640, 480)
     """Image width and height, pixels."""
     renderer: Renderer = Renderer.TINY
     """The renderer of the images: tiny, or egl where OpenGL is available."""
-    record_hz: int = 120
+    record_hz: Annotated[int, RECORD_HZ] = 120
     """Rate of the streams, Hz; a divisor of both physics rates."""
-    imu_hz: int = 400
+    imu_hz: Annotated[int, IMU_HZ] = 400
     """Requested rate of the IMU, Hz; ``imu_rate`` is the nearest rate that fits the other rates."""
-    video_hz: int = 0
+    video_hz: Annotated[int, VIDEO_HZ] = 0
     """Frame rate of each camera's video of the attempt, Hz; a divisor of both physics rates.
 
     0 for no video.
     """
-    block_size: int = 8
+    block_size: Annotated[int, Within(1, 1024)] = 8
     """Number of episodes in a block; one process generates and commits a block."""
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
+    """The box on the table in which objects are dropped and may be grasped."""
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    """The simulator's rates and solver; or a preset: default, fast."""
     motion: MotionConfig = field(default_factory=MotionConfig)
+    """Distances, speeds and grip force of an attempt."""
     shake: ShakeConfig = field(default_factory=ShakeConfig)
+    """The shake after the hold."""
     label: LabelConfig = field(default_factory=LabelConfig)
+    """Thresholds of the success label."""
     quality: QualityConfig = field(default_factory=QualityConfig)
+    """Thresholds of the quality score."""
     randomize: RandomizeConfig = field(default_factory=RandomizeConfig)
+    """Ranges that are drawn from; or a preset: none, looks, light, strong."""
     capture: CaptureConfig | None = None
     """Room for real episodes; without it, a store holds simulated ones alone."""
 
@@ -124,8 +147,7 @@ class FactoryConfig:
             object.__setattr__(self, "policy_parameters", _settled(self.policy_parameters))
         except RecursionError:
             raise ConfigError("config: it is nested too deeply; valid: a few levels") from None
-        check_range(self, "seed", 0, 2**63 - 1)
-        check_range(self, "block_size", 1, 1024)
+        check_within(self)
         _check_weights("policies", self.policies)
         _check_weights("object_sets", self.object_sets)
         for key, embedded in (("object_folders", self.object_folders), ("models", self.models)):
@@ -152,7 +174,7 @@ class FactoryConfig:
         """Check the splits and sort them, because their order has no meaning."""
         got = self.object_splits
         ok = 0 < len(got) == len(set(got)) and set(got) <= set(SPLITS)
-        check(ok, "object_splits", list(got), f"some of {', '.join(SPLITS)}, each once")
+        check(ok, "object_splits", list(got), _SPLITS)
         ordered = tuple(split for split in SPLITS if split in got)
         object.__setattr__(self, "object_splits", ordered)
 
@@ -259,27 +281,3 @@ class FactoryConfig:
         """Return the SHA-256 (hex) of the config, which a store keeps to identify its config."""
         text = json.dumps(self.to_plain(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
-
-
-def first_difference(a: Any, b: Any) -> str | None:
-    """Return ``key: a's value against b's`` for the first difference of two plain configs."""
-    found = differing_values(a, b)
-    return found and "{}: {} against {}".format(*found)
-
-
-def differing_values(a: Any, b: Any, where: str = "") -> tuple[str, str, str] | None:
-    """Return the dotted key and both values, as short texts, where two plain configs differ first.
-
-    None for equal configs.
-    """
-    if isinstance(a, Mapping) and isinstance(b, Mapping):
-        for key in [*a, *(k for k in b if k not in a)]:
-            here = f"{where}.{key}" if where else str(key)
-            if key not in a or key not in b:
-                left, right = (shown(side.get(key, "absent")) for side in (a, b))
-                return here, left, right
-            found = differing_values(a[key], b[key], here)
-            if found:
-                return found
-        return None
-    return None if a == b else (where, shown(a), shown(b))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from grasp_factory.core.serialization import check_range
+from grasp_factory.core.config.within import Within, check_within
 
 
 def _condition(text: str, default: float | None) -> Any:
@@ -18,26 +18,25 @@ def _condition(text: str, default: float | None) -> Any:
 class LabelConfig:
     """The thresholds of the success label; a minimum of 0, or None, sets no condition."""
 
-    min_lift: float = _condition(
+    min_lift: Annotated[float, Within(0.01, 0.5, "m")] = _condition(
         "at the end of the hold the target's centre of mass is at least {} m above its rest",
         0.10,
     )
-    min_shake: float = _condition("the target stays in the hand through a shake of {} g", 1.0)
-    min_grip_force: float = _condition(
+    min_shake: Annotated[float, Within(0.0, 100.0, "g")] = _condition(
+        "the target stays in the hand through a shake of {} g", 1.0
+    )
+    min_grip_force: Annotated[float, Within(0.0, 1000.0, "N")] = _condition(
         "neither pad presses with less than {} N during the hold", 0.0
     )
-    max_slip_distance: float | None = _condition(
+    max_slip_distance: Annotated[float | None, Within(0.0, 100.0, "m")] = _condition(
         "the target's centre of mass moves at most {} m in the hand", None
     )
-    max_slip_angle: float | None = _condition("the target turns at most {} rad in the hand", None)
+    max_slip_angle: Annotated[float | None, Within(0.0, 100.0, "rad")] = _condition(
+        "the target turns at most {} rad in the hand", None
+    )
 
     def __post_init__(self) -> None:
-        check_range(self, "min_lift", 0.01, 0.5, "m")
-        check_range(self, "min_shake", 0.0, 100.0)
-        check_range(self, "min_grip_force", 0.0, 1000.0, "N")
-        for key in ("max_slip_distance", "max_slip_angle"):
-            if getattr(self, key) is not None:
-                check_range(self, key, 0.0, 100.0)
+        check_within(self)
 
     def conditions(self) -> dict[str, str]:
         """Return the conditions of success in words, by threshold, without those that are off."""

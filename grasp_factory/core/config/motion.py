@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Annotated
 
-from grasp_factory.core.serialization import check_range
+from grasp_factory.core.config.within import Within, check_within
 
 MAX_TRANSFER_S = 2.5
 """Grasps with a longer transfer from home count as unreachable; this bounds every attempt."""
@@ -34,32 +35,25 @@ def straight_motion_s(distance: float, peak_speed: float) -> float:
 class MotionConfig:
     """Distances, speeds and grip force of an attempt."""
 
-    pregrasp_distance: float = 0.10
+    pregrasp_distance: Annotated[float, Within(0.02, 0.3, "m")] = 0.10
     """Distance from the pregrasp to the grasp along the approach axis, metres."""
-    approach_speed: float = 0.25
+    approach_speed: Annotated[float, Within(0.01, 2.0, "m/s")] = 0.25
     """Peak TCP speed on the straight approach, m/s."""
-    lift_height: float = 0.20
-    """Metres, straight up."""
-    lift_speed: float = 0.60
+    lift_height: Annotated[float, Within(0.02, 0.5, "m")] = 0.20
+    """Height of the lift, straight up, metres."""
+    lift_speed: Annotated[float, Within(0.01, 2.0, "m/s")] = 0.60
     """Peak TCP speed of the lift, m/s."""
-    closing_speed: float = 0.10
+    closing_speed: Annotated[float, Within(0.01, 2.0, "m/s")] = 0.10
     """Speed of each finger, m/s; limited to the gripper's maximum speed."""
-    grip_force: float = 20.0
+    grip_force: Annotated[float, Within(0.1, 200.0, "N")] = 20.0
     """Force limit of each finger, N."""
-    hold_s: float = 0.3
+    hold_s: Annotated[float, Within(0.1, 3.0, "s")] = 0.3
     """Seconds the object must stay in the hand after the lift."""
-    speed_scale: float = 0.9
+    speed_scale: Annotated[float, Within(0.05, 1.0)] = 0.9
     """Fraction of the robot's joint velocity limits that planned motion may use."""
 
     def __post_init__(self) -> None:
-        check_range(self, "pregrasp_distance", 0.02, 0.3, "m")
-        check_range(self, "approach_speed", 0.01, 2.0, "m/s")
-        check_range(self, "lift_height", 0.02, 0.5, "m")
-        check_range(self, "lift_speed", 0.01, 2.0, "m/s")
-        check_range(self, "closing_speed", 0.01, 2.0, "m/s")
-        check_range(self, "grip_force", 0.1, 200.0, "N")
-        check_range(self, "hold_s", 0.1, 3.0, "s")
-        check_range(self, "speed_scale", 0.05, 1.0)
+        check_within(self)
 
     def scaled(self, force: float, speed: float) -> MotionConfig:
         """Return the motion with its force and its speeds multiplied by factors.

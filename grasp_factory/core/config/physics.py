@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
-from grasp_factory.core.serialization import check_range
+from grasp_factory.core.config.within import Within, check_within
 
 FREE_RESIDUAL, CONTACT_RESIDUAL = 1e-6, 1e-7
 """``Stepping.residual`` before and from the first touch: 1 mm/s, then the engine's default."""
@@ -33,19 +34,19 @@ class Stepping:
 class PhysicsConfig:
     """The simulator's rates and solver."""
 
-    free_hz: int = 240
+    free_hz: Annotated[int, Within(60, 10_000, "Hz")] = 240
     """Step rate before the first touch, Hz: fall, transfer and approach."""
-    contact_hz: int = 720
+    contact_hz: Annotated[int, Within(120, 10_000, "Hz")] = 720
     """Step rate from the first touch on, Hz. docs/reference/physics.md compares other rates."""
-    solver_iterations: int = 100
+    solver_iterations: Annotated[int, Within(1, 1000)] = 100
     """Largest number of solver iterations of a step before the first touch."""
-    contact_iterations: int = 35
+    contact_iterations: Annotated[int, Within(1, 1000)] = 35
     """The same from the first touch on: shorter steps need fewer iterations."""
-    motor_iterations: int = 2
+    motor_iterations: Annotated[int, Within(1, 100)] = 2
     """Iterations over the motors and the gear in each solver iteration of contact steps."""
-    gravity: float = 9.81
-    """m/s2, along -z."""
-    settle_s: float = 3.0
+    gravity: Annotated[float, Within(0.1, 30.0, "m/s2")] = 9.81
+    """Acceleration of free fall, along -z, m/s2."""
+    settle_s: Annotated[float, Within(0.1, 30.0, "s")] = 3.0
     """Longest time in which objects may come to rest, seconds."""
 
     @property
@@ -65,13 +66,7 @@ class PhysicsConfig:
         return Stepping(self.contact_hz, *iterations, CONTACT_RESIDUAL)
 
     def __post_init__(self) -> None:
-        check_range(self, "free_hz", 60, 10_000, "Hz")
-        check_range(self, "contact_hz", 120, 10_000, "Hz")
-        check_range(self, "solver_iterations", 1, 1000)
-        check_range(self, "contact_iterations", 1, 1000)
-        check_range(self, "motor_iterations", 1, 100)
-        check_range(self, "gravity", 0.1, 30.0, "m/s2")
-        check_range(self, "settle_s", 0.1, 30.0, "s")
+        check_within(self)
 
 
 PHYSICS_PRESETS: Mapping[str, Mapping[str, int]] = {

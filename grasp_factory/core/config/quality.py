@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from grasp_factory.core.serialization import check, check_range
+from grasp_factory.core.config.within import Within, check_within
+from grasp_factory.core.serialization import check
 
 BEST, WORST = 5, 1
 
@@ -16,37 +18,32 @@ BEST, WORST = 5, 1
 class QualityConfig:
     """The thresholds behind the quality score, and the score that an episode must have."""
 
-    min_sharpness: float = 0.45
-    """Of the least sharp image before the attempt: what a blur of 3 x 3 pixels takes of it."""
-    min_exposure: float = 0.1
-    """Mean grey value, 0 black to 1 white, of the worst exposed image before the attempt."""
-    max_exposure: float = 0.9
-    max_clipped: float = 0.25
+    min_sharpness: Annotated[float, Within(0.0, 1.0)] = 0.45
+    """Sharpness of the least sharp image before the attempt: the share of it that a blur of 3 x 3
+    pixels takes.
+    """
+    min_exposure: Annotated[float, Within(0.0, 1.0)] = 0.1
+    """Smallest mean grey value, 0 black to 1 white, of an image before the attempt."""
+    max_exposure: Annotated[float, Within(0.0, 1.0)] = 0.9
+    """Largest mean grey value of an image before the attempt."""
+    max_clipped: Annotated[float, Within(0.0, 1.0)] = 0.25
     """Share of the pixels of an image before the attempt that are black or white."""
-    min_visibility: float = 0.5
+    min_visibility: Annotated[float, Within(0.0, 1.0)] = 0.5
     """Share of the target's pixels that nothing hides from the camera that sees it best."""
-    min_target_pixels: int = 16
+    min_target_pixels: Annotated[int, Within(0, 1_000_000)] = 16
     """Pixels of the target in the image that has most of them."""
-    max_depth_holes: float = 0.25
+    max_depth_holes: Annotated[float, Within(0.0, 1.0)] = 0.25
     """Share of the pixels of a depth image before the attempt that have no depth."""
-    max_stream_gap: float = 1.5
+    max_stream_gap: Annotated[float, Within(1.1, 1000.0, "periods")] = 1.5  # rounding exceeds 1
     """Longest time without a record in any of the series, in periods of its rate."""
-    max_penetration: float = 0.001
+    max_penetration: Annotated[float, Within(0.0, 1.0, "m")] = 0.001
     """Metres that a pad may sink into the target, and the robot into the table."""
-    max_force_residual: float = 0.2
+    max_force_residual: Annotated[float, Within(0.0, 1000.0)] = 0.2
     """What forces and motion may leave unexplained in the hold, of the target's weight."""
-    min_score: int = WORST
+    min_score: Annotated[int, Within(WORST, BEST)] = WORST
     """Episodes that score less are quarantined; 1 lets all of them in."""
 
     def __post_init__(self) -> None:
-        for key in ("sharpness", "exposure", "visibility"):
-            check_range(self, f"min_{key}", 0.0, 1.0)
-        for key in ("exposure", "clipped", "depth_holes"):
-            check_range(self, f"max_{key}", 0.0, 1.0)
+        check_within(self)
         valid = f"at most max_exposure ({self.max_exposure})"
         check(self.min_exposure <= self.max_exposure, "min_exposure", self.min_exposure, valid)
-        check_range(self, "min_target_pixels", 0, 1_000_000)
-        check_range(self, "max_stream_gap", 1.1, 1000.0, "periods")  # rounding exceeds 1
-        check_range(self, "max_penetration", 0.0, 1.0, "m")
-        check_range(self, "max_force_residual", 0.0, 1000.0)
-        check_range(self, "min_score", WORST, BEST)

@@ -7,31 +7,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from grasp_factory.core.serialization import check, check_range
+from grasp_factory.core.config.within import Within, check_within
 
 Interval = tuple[float, float]
-
-
-def _check_ranges(record: object, low: float, high: float, *keys: str) -> None:
-    for key in keys:
-        bottom, top = getattr(record, key)
-        check(low <= bottom <= top <= high, key, [bottom, top], f"{low} <= low <= high <= {high}")
+_SHARE = Within(0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColorRange:
     """Colours in hue, saturation and brightness, each from 0 to 1."""
 
-    share: float = 0.0
+    share: Annotated[float, _SHARE] = 0.0
     """Probability that a colour is drawn; otherwise the original colour is kept."""
-    hue: Interval = (0.0, 1.0)
-    saturation: Interval = (0.0, 0.9)
-    brightness: Interval = (0.2, 1.0)
+    hue: Annotated[Interval, _SHARE] = (0.0, 1.0)
+    """Range of the hue: 0 and 1 are red."""
+    saturation: Annotated[Interval, _SHARE] = (0.0, 0.9)
+    """Range of the saturation: 0 is grey."""
+    brightness: Annotated[Interval, _SHARE] = (0.2, 1.0)
+    """Range of the brightness: 0 is black."""
 
     def __post_init__(self) -> None:
-        check_range(self, "share", 0.0, 1.0)
-        _check_ranges(self, 0.0, 1.0, "hue", "saturation", "brightness")
+        check_within(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,29 +37,34 @@ class LooksConfig:
     """Appearance: colours, textures and light. They change only the images."""
 
     object_color: ColorRange = field(default_factory=ColorRange)
-    object_texture: float = 0.0
+    """Colours of the objects."""
+    object_texture: Annotated[float, _SHARE] = 0.0
     """Share of objects that have a texture."""
     table_color: ColorRange = field(default_factory=ColorRange)
-    table_texture: float = 0.0
+    """Colour of the table."""
+    table_texture: Annotated[float, _SHARE] = 0.0
+    """Share of episodes whose table has a texture."""
     floor_color: ColorRange = field(default_factory=ColorRange)
-    floor_texture: float = 0.0
-    light_azimuth_deg: Interval = (56.0, 56.0)
+    """Colour of the floor."""
+    floor_texture: Annotated[float, _SHARE] = 0.0
+    """Share of episodes whose floor has a texture."""
+    light_azimuth_deg: Annotated[Interval, Within(-360.0, 360.0, "degrees")] = (56.0, 56.0)
     """Azimuth of the light source, from +x towards +y, degrees."""
-    light_elevation_deg: Interval = (54.0, 54.0)
+    light_elevation_deg: Annotated[Interval, Within(5.0, 90.0, "degrees")] = (54.0, 54.0)
     """Elevation of the light source above the horizon, degrees."""
-    light_hue: Interval = (0.0, 0.0)
-    light_saturation: Interval = (0.0, 0.0)
-    ambient: Interval = (0.6, 0.6)
-    diffuse: Interval = (0.5, 0.5)
-    specular: Interval = (0.05, 0.05)
+    light_hue: Annotated[Interval, _SHARE] = (0.0, 0.0)
+    """Range of the light's hue: 0 and 1 are red."""
+    light_saturation: Annotated[Interval, _SHARE] = (0.0, 0.0)
+    """Range of the light's saturation: 0 is white."""
+    ambient: Annotated[Interval, _SHARE] = (0.6, 0.6)
+    """Range of the share of light that comes from everywhere."""
+    diffuse: Annotated[Interval, _SHARE] = (0.5, 0.5)
+    """Range of the share of light that surfaces scatter."""
+    specular: Annotated[Interval, _SHARE] = (0.05, 0.05)
+    """Range of the share of light that surfaces mirror."""
 
     def __post_init__(self) -> None:
-        for key in ("object_texture", "table_texture", "floor_texture"):
-            check_range(self, key, 0.0, 1.0)
-        _check_ranges(self, -360.0, 360.0, "light_azimuth_deg")
-        _check_ranges(self, 5.0, 90.0, "light_elevation_deg")
-        unit = ("light_hue", "light_saturation", "ambient", "diffuse", "specular")
-        _check_ranges(self, 0.0, 1.0, *unit)
+        check_within(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,71 +74,72 @@ class CameraJitter:
     Cameras on the hand use a tenth of these limits.
     """
 
-    eye: float = 0.0
-    """Metres along each axis."""
-    target: float = 0.0
-    """Metres along each axis, for the point that the camera looks at."""
-    roll_deg: float = 0.0
-    fov_y_deg: float = 0.0
+    eye: Annotated[float, Within(0.0, 1.0, "m")] = 0.0
+    """Largest change of the place along each axis, metres."""
+    target: Annotated[float, Within(0.0, 0.5, "m")] = 0.0
+    """The same for the point that the camera looks at, metres."""
+    roll_deg: Annotated[float, Within(0.0, 180.0, "degrees")] = 0.0
+    """Largest turn about the line of sight, degrees."""
+    fov_y_deg: Annotated[float, Within(0.0, 60.0, "degrees")] = 0.0
+    """Largest change of the vertical field of view, degrees."""
 
     def __post_init__(self) -> None:
-        check_range(self, "eye", 0.0, 1.0, "m")
-        check_range(self, "target", 0.0, 0.5, "m")
-        check_range(self, "roll_deg", 0.0, 180.0, "degrees")
-        check_range(self, "fov_y_deg", 0.0, 60.0, "degrees")
+        check_within(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyRange:
     """Physical properties of the objects, drawn for each object."""
 
-    scale: Interval = (1.0, 1.0)
+    scale: Annotated[Interval, Within(0.25, 2.0)] = (1.0, 1.0)
     """Factor on the size; it does not change the mass."""
-    mass: Interval = (1.0, 1.0)
+    mass: Annotated[Interval, Within(0.1, 10.0)] = (1.0, 1.0)
     """Factor on the mass."""
-    friction: Interval = (1.0, 1.0)
+    friction: Annotated[Interval, Within(0.1, 10.0)] = (1.0, 1.0)
     """Factor on the friction coefficient."""
-    linear_damping: Interval = (0.0, 0.0)
+    linear_damping: Annotated[Interval, Within(0.0, 0.9)] = (0.0, 0.0)
     """Bullet's damping: share of the velocity that is lost per second, as in thick air."""
-    angular_damping: Interval = (0.0, 0.0)
+    angular_damping: Annotated[Interval, Within(0.0, 0.9)] = (0.0, 0.0)
+    """The same for the angular velocity."""
 
     def __post_init__(self) -> None:
-        _check_ranges(self, 0.25, 2.0, "scale")
-        _check_ranges(self, 0.1, 10.0, "mass", "friction")
-        _check_ranges(self, 0.0, 0.9, "linear_damping", "angular_damping")
+        check_within(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GripperRange:
     """Factors on the force and the speeds of the section ``motion``."""
 
-    force: Interval = (1.0, 1.0)
+    force: Annotated[Interval, Within(0.1, 10.0)] = (1.0, 1.0)
     """Factor on ``grip_force``; the result is limited to the gripper's force range."""
-    speed: Interval = (1.0, 1.0)
+    speed: Annotated[Interval, Within(0.2, 5.0)] = (1.0, 1.0)
     """Factor on the speeds of approach, closing and lift, not of transfer and shake."""
 
     def __post_init__(self) -> None:
-        _check_ranges(self, 0.1, 10.0, "force")
-        _check_ranges(self, 0.2, 5.0, "speed")
+        check_within(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RandomizeConfig:
     """Domain randomisation. Drop positions are always random (section ``workspace``)."""
 
-    surroundings: int = 0
+    surroundings: Annotated[int, Within(0, 1_000_000)] = 0
     """Number of different surroundings (table, floor, light, cameras) that the episodes share.
 
     0 draws new surroundings for each episode. A small number renders faster, because static bodies
     are rendered once for each surroundings.
     """
     looks: LooksConfig = field(default_factory=LooksConfig)
+    """Colours, textures and light."""
     cameras: CameraJitter = field(default_factory=CameraJitter)
+    """Limits of random changes of the cameras; a tenth of them for cameras on the hand."""
     objects: BodyRange = field(default_factory=BodyRange)
+    """Size, mass and friction of the objects."""
     gripper: GripperRange = field(default_factory=GripperRange)
+    """Force and speed of the gripper."""
 
     def __post_init__(self) -> None:
-        check_range(self, "surroundings", 0, 1_000_000)
+        check_within(self)
 
 
 _LIGHT_LOOKS = LooksConfig(

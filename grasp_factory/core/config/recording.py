@@ -8,9 +8,14 @@ from typing import Protocol
 
 from grasp_factory.core.config.cameras import CameraConfig
 from grasp_factory.core.config.physics import PhysicsConfig
-from grasp_factory.core.serialization import check, check_range
+from grasp_factory.core.config.within import Within
+from grasp_factory.core.serialization import check
 
 MOST_CAMERAS = 32
+RECORD_HZ = Within(10, 10_000, "Hz")  # labels are read from the records
+IMU_HZ = Within(1, 10_000, "Hz")
+VIDEO_HZ = Within(0, 240, "Hz")
+SIDES = "16 to 4096 pixels a side"
 LONGEST_NAME = 64
 """Bytes of a name in UTF-8."""
 
@@ -35,6 +40,10 @@ class Recording(Protocol):
         """Rate of the streams."""
 
     @property
+    def imu_hz(self) -> int:
+        """Rate of the IMU."""
+
+    @property
     def physics(self) -> PhysicsConfig:
         """Rates of the simulation steps."""
 
@@ -51,10 +60,10 @@ def check_recording(record: Recording) -> None:
         check(name.isidentifier(), "cameras", name, "names of letters, digits and _")
         check_name("cameras", name)
     sides = [16 <= side <= 4096 for side in record.resolution]
-    check(all(sides), "resolution", list(record.resolution), "16 to 4096 pixels a side")
-    check_range(record, "record_hz", 10, 10_000, "Hz")  # labels are read from the records
-    check_range(record, "imu_hz", 1, 10_000, "Hz")
-    check_range(record, "video_hz", 0, 240, "Hz")
+    check(all(sides), "resolution", list(record.resolution), SIDES)
+    RECORD_HZ.check("record_hz", record.record_hz)
+    IMU_HZ.check("imu_hz", record.imu_hz)
+    VIDEO_HZ.check("video_hz", record.video_hz)
     check_divides(record.physics, "record_hz", record.record_hz)
     if record.video_hz:
         check_divides(record.physics, "video_hz", record.video_hz)

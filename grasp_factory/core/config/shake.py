@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Annotated
 
-from grasp_factory.core.serialization import check, check_range
+from grasp_factory.core.config.within import Valid, Within, check_within
+from grasp_factory.core.serialization import check
 
 STANDARD_GRAVITY = 9.80665
 """m/s2: the unit g of shake levels and of datasheets (ISO 80000-3)."""
 STRONGEST_SHAKE = 3.0
 """Highest level; the arm cannot follow a stronger shake."""
+MOST_LEVELS = 10
+LEVELS = f"up to {MOST_LEVELS} increasing numbers above 0, up to {STRONGEST_SHAKE}"
 SHORTEST_CYCLE = 4
 """Shortest duration of one motion of the shake, in control periods."""
 SHAKE_MOTIONS = 4
@@ -25,24 +29,24 @@ class ShakeConfig:
     rotates back and forth once about its approach axis.
     """
 
-    levels: tuple[float, ...] = (0.5, 1.0)
+    levels: Annotated[tuple[float, ...], Valid(LEVELS)] = (0.5, 1.0)
     """Peak accelerations in units of standard gravity, increasing; empty for no shake.
 
     The arm reaches the peak within 2 % up to level 2, but not at level 5 (IMU peaks down to 4.4).
     """
-    cycle_s: float = 0.12
+    cycle_s: Annotated[float, Within(0.05, 1.0, "s")] = 0.12
     """Duration of one motion back and forth, seconds; shorter where a joint would be too slow."""
-    lever: float = 0.10
+    lever: Annotated[float, Within(0.01, 1.0, "m")] = 0.10
     """Distance from the approach axis where the rotation has the level's acceleration, metres."""
 
     def __post_init__(self) -> None:
+        check_within(self)
         rising = all(a < b for a, b in itertools.pairwise((0.0, *self.levels)))
         check(rising, "levels", list(self.levels), "increasing numbers above 0")
-        check(len(self.levels) <= 10, "levels", list(self.levels), "at most 10 levels")
+        valid = f"at most {MOST_LEVELS} levels"
+        check(len(self.levels) <= MOST_LEVELS, "levels", list(self.levels), valid)
         strongest = max(self.levels, default=0.0)
         check(strongest <= STRONGEST_SHAKE, "levels", list(self.levels), f"up to {STRONGEST_SHAKE}")
-        check_range(self, "cycle_s", 0.05, 1.0, "s")
-        check_range(self, "lever", 0.01, 1.0, "m")
 
     def longest_s(self, control_hz: int) -> float:
         """Return an upper bound for the duration of all levels, seconds."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.config_difference import first_difference
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.core.serialization import from_plain
 from grasp_factory.curation.merge.union import RowPlan

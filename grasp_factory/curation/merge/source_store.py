@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.config.factory_config import first_difference
+from grasp_factory.core.config.config_difference import first_difference
 from grasp_factory.core.place import place_of
 from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.curation.merge.provenance import Maker, makers_of

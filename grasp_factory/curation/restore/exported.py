@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from grasp_factory.core import schema
-from grasp_factory.core.config.factory_config import FactoryConfig, first_difference
+from grasp_factory.core.config.config_difference import first_difference
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import DOCUMENT, EMBEDDED, ROWS
 from grasp_factory.core.place import Place, place_of

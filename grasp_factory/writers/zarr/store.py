@@ -16,7 +16,8 @@ import zarr
 from numpy.typing import NDArray
 
 from grasp_factory.core import schema
-from grasp_factory.core.config.factory_config import FactoryConfig, differing_values
+from grasp_factory.core.config.config_difference import differing_values
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.plugin_origin import changed_file
 from grasp_factory.core.place import Place, place_at, place_of
 from grasp_factory.core.place_tree import entries, files_below, fsync_tree
