@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
 
@@ -130,11 +131,23 @@ class Dataset(AnnotatedEpisodes):
         return self._episodes.one(self._rows.committed(index))
 
     def __iter__(self) -> Iterator[Episode]:
-        """Iterate over the episodes in their order; neighbours of a block are read together."""
-        rows = self._rows.rows_at(self.committed)
+        """Iterate over the episodes in their order; see ``iter_episodes``."""
+        return self._each(self._rows.rows_at(self.committed))
+
+    def iter_episodes(self, indices: Iterable[int]) -> Iterator[Episode]:
+        """Iterate over episodes in the order of their indices.
+
+        Neighbours of a block are read together, but for their images: those of one episode are in
+        memory.
+
+        Raises:
+            TypeError, IndexError, StoreError: as for ``dataset[indices]``.
+        """
+        return self._each(self._rows.several(indices))
+
+    def _each(self, rows: NDArray[np.int64]) -> Iterator[Episode]:
         changes = np.flatnonzero(np.diff(rows // self.config.block_size)) + 1
-        for run in np.split(rows, changes):
-            yield from self._episodes.several(run)
+        return chain.from_iterable(map(self._episodes.each, np.split(rows, changes)))
 
     def iter_blocks(
         self, indices: Iterable[int] | None = None

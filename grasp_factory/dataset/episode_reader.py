@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,21 @@ from grasp_factory.core.content_checksum import checksum
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.plausible import check_plausible
-from grasp_factory.dataset.row_codec import Row, assemble, read_rows
+from grasp_factory.dataset.row_codec import (
+    Row,
+    assemble,
+    read_alone,
+    read_rows,
+    read_together,
+)
 from grasp_factory.dataset.row_integrity import episode_contents
 from grasp_factory.errors import StoreError
 from grasp_factory.signals.noise import EpisodeNoise
 from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.writer import COMMITTED
+
+MOST_STILLS = 16 * 2**20
+"""Bytes of the images before and after, of a block, that are read together."""
 
 
 class Episodes:
@@ -49,25 +59,48 @@ class Episodes:
     def several(self, rows: NDArray[np.int64]) -> list[Episode]:
         """Return the episode of each of K rows of a block; a row that comes twice yields it twice.
 
-        Consecutive rows are read together, also across rows without an episode. Only the
-        requested episodes are read.
+        Raises:
+            StoreError: if one is damaged.
+        """
+        wanted = np.unique(rows)
+        found = dict(zip(wanted.tolist(), self.each(wanted), strict=True))
+        return [found[row] for row in rows.tolist()]
+
+    def each(self, rows: NDArray[np.int64]) -> Iterator[Episode]:
+        """Yield the episode of each of K rows of a block, in their order.
+
+        Consecutive rows are read together, also across rows without an episode, but for videos and
+        large images: those of one episode are in memory. Only the requested episodes are read.
 
         Raises:
             StoreError: if one is damaged.
         """
         wanted = np.unique(rows)
         if not len(wanted):
-            return []
+            return
         start, stop = int(wanted[0]), int(wanted[-1]) + 1
         is_other = self._read(schema.STATUS.path, start, stop) == COMMITTED
         is_other[wanted - start] = False
         run_of = np.cumsum(is_other)[wanted - start]
-        found: dict[int, Episode] = {}
+        large = self._large_images()
+        others = {path: field for path, field in self._fields.items() if path not in large}
+        read: dict[int, Row] = {}
         for run in np.split(wanted, np.flatnonzero(np.diff(run_of)) + 1):
-            first = int(run[0])
-            read = self._rows(first, int(run[-1]) + 1)
-            found |= {i: self._episode(i, read[i - first]) for i in run.tolist()}
-        return [found[row] for row in rows.tolist()]
+            first, last = int(run[0]), int(run[-1])
+            read.update(enumerate(read_together(self._read, others, first, last + 1), first))
+        for row in rows.tolist():
+            yield self._episode(row, read[row] | read_alone(self._read, large, row, read[row]))
+
+    def _large_images(self) -> dict[str, Field]:
+        """Return the fields of videos, and of other images if those of a block are large."""
+        shapes = {p: self._arrays[p].zarr for p, field in self._fields.items() if field.is_image}
+        stills = sum(
+            array.dtype.itemsize * math.prod(array.shape[1:])
+            for path, array in shapes.items()
+            if not self._fields[path].is_video
+        )
+        is_large = stills * self._config.block_size > MOST_STILLS
+        return {p: self._fields[p] for p in shapes if is_large or self._fields[p].is_video}
 
     def is_whole(self, row: int) -> bool:
         """Return whether an episode's values match its checksum."""

@@ -31,7 +31,7 @@ def read_rows(
     start: int,
     stop: int,
 ) -> list[Row]:
-    """Return rows ``start`` to ``stop`` - 1, reading each array once.
+    """Return rows ``start`` to ``stop`` - 1.
 
     Args:
         read: A function of a path, start and stop that returns rows of the array at the path,
@@ -43,18 +43,52 @@ def read_rows(
     Raises:
         StoreError: if a time series has no such length as a row says.
     """
-    at_once = {p: read(p, start, stop) for p, field in fields.items() if not field.is_video}
-    rows = []
-    for k in range(stop - start):
-        row = {path: fixed(values[k]) for path, values in at_once.items()}
+    videos = {path: field for path, field in fields.items() if field.is_video}
+    others = {path: field for path, field in fields.items() if not field.is_video}
+    rows = read_together(read, others, start, stop)
+    return [row | read_alone(read, videos, k, row) for k, row in enumerate(rows, start)]
+
+
+def read_together(
+    read: Callable[[str, int, int], NDArray[Any]],
+    fields: Mapping[str, Field],
+    start: int,
+    stop: int,
+) -> list[Row]:
+    """Return some arrays of rows, reading each array once; see ``read_rows``."""
+    at_once = {path: read(path, start, stop) for path in fields}
+    rows = [
+        {path: fixed(values[k]) for path, values in at_once.items()} for k in range(stop - start)
+    ]
+    for k, row in enumerate(rows, start):
         for path, field in fields.items():
-            if field.is_video:  # all videos of a block would need too much memory
-                row[path] = read(path, start + k, start + k + 1)[0]
             if field.length_column:
-                length = row[field.length_column]
-                row[path] = unpadded(row[path], length, start + k, field.length_column)
-        rows.append(row)
+                row[path] = unpadded(row[path], row[field.length_column], k, field.length_column)
     return rows
+
+
+def read_alone(
+    read: Callable[[str, int, int], NDArray[Any]],
+    fields: Mapping[str, Field],
+    number: int,
+    row: Row,
+) -> Row:
+    """Return images of one row: those of a whole block may need too much memory.
+
+    Args:
+        read: See ``read_rows``.
+        fields: The fields of the images, by path.
+        number: The row.
+        row: Its other arrays.
+
+    Raises:
+        StoreError: if a video has no such length as the row says.
+    """
+    images = {path: read(path, number, number + 1)[0] for path in fields}
+    for path, field in fields.items():
+        if column := field.length_column:
+            images[path] = unpadded(images[path], row[column], number, column)
+    return images
 
 
 def unpadded(values: NDArray[Any], length: Any, row: int, column: str) -> NDArray[Any]:

@@ -48,6 +48,7 @@ def wait_until_gone(pids: list[int]) -> bool:
 def test_one_worker_needs_no_pool() -> None:
     assert isinstance(make_executor(1), InlineExecutor)
     assert make_executor(3) == ProcessExecutor(3)
+    assert make_executor(3, jobs_per_process=99) == ProcessExecutor(3, 99)
 
 
 def test_workers_are_other_processes_and_no_more_than_asked() -> None:

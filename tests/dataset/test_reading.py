@@ -24,6 +24,7 @@ from support.places import TINY
 from grasp_factory import Range
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.splits import SPLITS
+from grasp_factory.dataset import episode_reader
 from grasp_factory.dataset.balanced_sampling import draw_evenly
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, UnknownNameError, UsageError
@@ -220,6 +221,15 @@ class TestBlocksOfSomeRows:
             opened.clear()
             take()
             assert set(opened.values()) == {1}
+
+    @pytest.mark.parametrize("most", [0, 2**24])
+    def test_come_one_by_one_in_the_order_of_their_rows_however_large_their_images(
+        self, dataset: Dataset, most: int, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(episode_reader, "MOST_STILLS", most)
+        rows = [20, 4, 7, 21, 4]
+        want = [dataset[row].checksum() for row in rows]
+        assert [episode.checksum() for episode in dataset.iter_episodes(rows)] == want
 
     def test_read_no_episode_that_is_not_asked_for(self, path: Path, tmp_path: Path) -> None:
         """The one between is damaged, which reading it with checks would tell."""

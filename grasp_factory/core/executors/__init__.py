@@ -28,6 +28,6 @@ __all__ = [
 ]
 
 
-def make_executor(workers: int) -> Executor:
+def make_executor(workers: int, jobs_per_process: int = JOBS_PER_PROCESS) -> Executor:
     """Return the executor for a number of workers; one worker needs no pool."""
-    return InlineExecutor() if workers == 1 else ProcessExecutor(workers)
+    return InlineExecutor() if workers == 1 else ProcessExecutor(workers, jobs_per_process)

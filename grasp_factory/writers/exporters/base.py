@@ -24,8 +24,9 @@ REAL_SERIES = tuple(f"{group.name}/*" for group in REAL_GROUPS)
 """The time series that only real episodes have, for ``ExportContents``."""
 REAL_ROWS = "real episodes"
 """In ``ExportContents.treatment``: what the format does with them, apart from all others."""
-EPISODES_PER_PART = 4
-"""Default for ``Exporter.split``: small, so that workers share the work evenly to its end."""
+EPISODES_PER_PART = 8
+"""Default for ``Exporter.split``: small, so that workers share the work evenly to its end, and the
+default of ``block_size``, because the series of a block are stored together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,6 +36,7 @@ VERSION = 1
 def episode_line(episodes: Selection, place: int, episode: Episode) -> str:
     """Return the line of an episode in ``grasp_factory_episodes.jsonl``."""
     store, row = episodes.origin(place)
+    fields = episodes.fields
     line = {
         "episode": place,
         "store": store,
@@ -46,7 +47,7 @@ def episode_line(episodes: Selection, place: int, episode: Episode) -> str:
         "arrays": {
             path: plain(values)
             for path, values in episode.contents().items()
-            if is_small(episodes.fields.get(path))
+            if is_small(fields.get(path))
         },
     }
     return json.dumps(line, allow_nan=False) + "\n"

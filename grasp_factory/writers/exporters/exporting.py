@@ -131,7 +131,7 @@ def _write(
     """Write all parts, then what describes all of them."""
     parts = list(enumerate(exporter.split(job.episodes, job.settings)))
     task = partial(_write_part, exporter, job, lines)
-    executor = make_executor(min(workers, len(parts)))
+    executor = make_executor(min(workers, len(parts)), jobs_per_process=len(parts))
     results = executor.run(task, parts, lambda _: on_episode(), _give_up)
     exporter.finish(job, results)
 
@@ -147,8 +147,7 @@ def _write_part(
     with (lines / f"{number:08d}").open("w", encoding="utf-8") as file:
 
         def episodes() -> Iterator[tuple[int, Episode]]:
-            for place in places:
-                episode = job.episodes[place]
+            for place, episode in job.episodes.each(places):
                 yield place, episode
                 file.write(episode_line(job.episodes, place, episode))
                 report(place)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -62,6 +62,9 @@ class EpisodeSource(Protocol):
     def __getitem__(self, index: int) -> Episode:
         """Return the episode at a row."""
 
+    def iter_episodes(self, indices: Iterable[int]) -> Iterator[Episode]:
+        """Iterate over the episodes at rows, in their order; one is in memory."""
+
     def column(self, name: str) -> NDArray[Any]:
         """Return a column of all rows, (N, ...)."""
 
@@ -112,6 +115,17 @@ class Selection:
         """
         store, row = self.origin(place)
         return self.sources[store][row]
+
+    def each(self, places: Sequence[int]) -> Iterator[tuple[int, Episode]]:
+        """Yield numbers of episodes and the episodes, in this order; one is in memory.
+
+        Raises:
+            StoreError: if one is damaged.
+        """
+        changes = np.flatnonzero(np.diff(self.store[np.asarray(places)])) + 1
+        for run in np.split(np.asarray(places), changes):
+            source = self.sources[self.store[run[0]]]
+            yield from zip(run.tolist(), source.iter_episodes(self.row[run]), strict=True)
 
     @property
     def config(self) -> FactoryConfig:
