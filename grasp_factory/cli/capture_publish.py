@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Longest time to wait for a subscriber. The command fails if none comes.",
 )
+@option("--clock", is_flag=True, help="Send the recording's time on /clock, for use_sim_time.")
 @option("--wait-for-all", is_flag=True, help="Wait until every topic has a subscriber.")
 @network_options
 @AS_JSON
@@ -65,6 +66,7 @@ def publish(
     topics: tuple[str, ...],
     new_names: tuple[str, ...],
     match_s: float,
+    clock: bool,
     wait_for_all: bool,
     reliability: str,
     depth: int,
@@ -94,6 +96,7 @@ def publish(
         depth=depth,
         match_s=match_s,
         waits_for_all=wait_for_all,
+        with_clock=clock,
     )
     choice = TopicChoice(
         topics=tuple(name for text in topics for name in text.split(",")),

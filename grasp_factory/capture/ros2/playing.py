@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from grasp_factory.capture.ros2.clock_topic import CLOCK, ClockTicks, clock_message
 from grasp_factory.capture.ros2.network import Participant
 from grasp_factory.capture.ros2.play_clock import PlayClock, PlayRate
 from grasp_factory.capture.ros2.publisher import TopicPublisher
 from grasp_factory.capture.ros2.quality_of_service import Reliability, TopicQuality
 from grasp_factory.core.serialization import check_range, normalise
 from grasp_factory.core.text_format import count
-from grasp_factory.errors import CaptureError
+from grasp_factory.errors import CaptureError, UsageError
 from grasp_factory.writers.exporters.rosbag.topics import Topic
 
 _POLL_S = 0.02
@@ -44,6 +45,8 @@ class PlaySettings:
     """How long to wait for subscribers, seconds."""
     waits_for_all: bool = False
     """Whether every topic needs a subscriber, and not just one of them."""
+    with_clock: bool = False
+    """Whether the recording's own time is sent too, on ``/clock``."""
 
     def __post_init__(self) -> None:
         normalise(self)
@@ -76,8 +79,16 @@ class TopicPlayer:
         """Announce topics; those that are announced already stay.
 
         Raises:
-            UsageError: for a name or a type that ROS 2 does not have.
+            UsageError: for a name or a type that ROS 2 does not have, or if the recording has a
+                ``/clock`` of its own beside ours.
         """
+        if self._settings.with_clock:
+            if CLOCK.name in {topic.name for topic in topics}:
+                raise UsageError(
+                    f"--clock: the recording has a topic {CLOCK.name}; leave --clock out, or"
+                    f" rename the topic with --remap {CLOCK.name}:=/recorded_clock"
+                )
+            topics = (*topics, CLOCK)
         for topic in topics:
             if topic.name not in self._publishers:
                 quality = TopicQuality(
@@ -129,14 +140,19 @@ class TopicPlayer:
     def begin(self) -> None:
         """Begin with a recording: its first message is due at once."""
         self._start, self._clock = time.monotonic(), PlayClock(self._settings.rate)
+        self._ticks = ClockTicks(skips_pauses=self._settings.rate.factor is None)
         self._before = {name: each.sent for name, each in self._publishers.items()}
 
     def send(self, message: PlayedMessage) -> None:
-        """Send a message when it is due.
+        """Send a message when it is due, and before it the times that are due.
 
         Raises:
             CaptureError: if a subscriber takes no messages any more.
         """
+        if self._settings.with_clock:
+            for stamp in self._ticks.until(message.stamp_ns):
+                self._clock.wait(stamp)
+                self._publishers[CLOCK.name].send(clock_message(stamp))
         self._clock.wait(message.stamp_ns)
         self._publishers[message.topic].send(message.data)
 

@@ -111,6 +111,7 @@ class McapScan:
         attachments: small files in it.
         end: bytes from the start that are whole.
         is_complete: whether the file has its end, so that any reader takes it.
+        is_compressed: whether a chunk so far was compressed.
         trouble: why reading stopped before the end; empty if it did not.
     """
 
@@ -130,6 +131,7 @@ class McapScan:
         self.attachments: list[Attachment] = []
         self.end = len(MAGIC)
         self.is_complete = False
+        self.is_compressed = False
         self.trouble = ""
         self.descriptor, self._with_checksums = descriptor, with_checksums
         self.size = os.fstat(descriptor).st_size
@@ -188,6 +190,7 @@ class McapScan:
         at += named + _LENGTH.size
         if at + length != start + size or (not name and length != raw_size):
             raise _DamagedRecordError("a chunk of another size than it says")
+        self.is_compressed |= bool(name)
         if not (name or self._with_checksums):
             return self._file, at, at + length
         content = expanded(self._file.read(at, length), name, raw_size)

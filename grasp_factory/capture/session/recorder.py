@@ -227,7 +227,7 @@ class SessionRecorder:
         self._folder = SessionFolder.create(self.out, self.config, self._calibrations)
         self.started_ns, self.offset_ns = host_clock()
         self._descriptor = self._folder.open_data()
-        self._file = SessionFile(self._descriptor)
+        self._file = SessionFile(self._descriptor, self.config.compression)
         self._folder.write_head(self._file, self.started_ns, self.offset_ns)
         self.monitor = SessionMonitor(
             self.stations,

@@ -7,12 +7,14 @@ import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 from mcap.records import Channel
 
 from grasp_factory import __version__
 from grasp_factory.capture.session.mcap_scan import McapScan
+from grasp_factory.capture.session.session_config import Compression
 from grasp_factory.capture.session.session_file import LIBRARY, WholeWrites, mcap_writer
 from grasp_factory.capture.session.session_reading import open_scan, session_place
 from grasp_factory.capture.session.session_record import (
@@ -116,13 +118,16 @@ def _copy(scan: McapScan, folder: Place) -> tuple[Counter[int], tuple[int, int] 
     partial.unlink(missing_ok=True)
     descriptor = partial.create()
     try:
-        writer = mcap_writer(WholeWrites(descriptor))
+        heads = scan.messages()
+        first = next(heads, None)
+        compression = Compression.ZSTD if scan.is_compressed else Compression.NONE
+        writer = mcap_writer(WholeWrites(descriptor), compression)
         writer.start(profile="ros2", library=LIBRARY)
         schemas: dict[int, int] = {}
         channels: dict[int, int] = {}
         counts: Counter[int] = Counter()
         times: tuple[int, int] | None = None
-        for head in scan.messages():
+        for head in chain([first] if first else [], heads):
             channel = scan.channels[head.channel_id]
             if channel.id not in channels:
                 schema = scan.schemas[channel.schema_id]
@@ -141,8 +146,8 @@ def _copy(scan: McapScan, folder: Place) -> tuple[Counter[int], tuple[int, int] 
                 head.sequence,
             )
             counts[channel.id] += 1
-            first, last = times or (head.log_ns, head.log_ns)
-            times = min(first, head.log_ns), max(last, head.log_ns)
+            earliest, latest = times or (head.log_ns, head.log_ns)
+            times = min(earliest, head.log_ns), max(latest, head.log_ns)
         for name, content in scan.metadata.items():
             writer.add_metadata(name, content)
         for file in scan.attachments:

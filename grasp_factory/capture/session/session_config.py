@@ -50,6 +50,15 @@ FOLDERS: Mapping[SessionNames, str] = {
 """The name of a session's folder: ``strftime``, and ``{epoch}`` for whole seconds since 1970."""
 
 
+class Compression(IntEnum):
+    """How the file of a session is compressed; it is lossless."""
+
+    NONE = 0
+    """Takes the least of the processor, so it is the last to lose samples."""
+    ZSTD = 1
+    """Any reader of MCAP knows it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceConfig:
     """A device of a session."""
@@ -104,6 +113,7 @@ class SessionConfig:
     """MB that stay free: with less, the session ends cleanly."""
     queue_s: float = 2.0
     """Seconds of samples of a device that wait for the disk at most; more are dropped, counted."""
+    compression: Compression = Compression.NONE
     hook: tuple[str, ...] = ()
     """Command that moves the robot: program and arguments; started and stopped with the session."""
 

@@ -15,6 +15,7 @@ from typing import Any, cast
 from mcap.writer import CompressionType, Writer
 
 from grasp_factory.capture.session.disk_sync import DiskSync
+from grasp_factory.capture.session.session_config import Compression
 from grasp_factory.writers.exporters.rosbag.bag_files import ros2_definition
 
 CHUNK_BYTES = 4 * 2**20
@@ -22,6 +23,7 @@ CHUNK_BYTES = 4 * 2**20
 LONGEST_TIME = 2**64
 SEQUENCES = 2**32
 LIBRARY = "grasp-factory"
+_COMPRESSION = {Compression.NONE: CompressionType.NONE, Compression.ZSTD: CompressionType.ZSTD}
 
 
 class WholeWrites:
@@ -64,18 +66,19 @@ class WholeWrites:
 class SessionFile:
     """Messages, attachments and metadata on their way into the file. One thread uses it."""
 
-    def __init__(self, descriptor: int) -> None:
+    def __init__(self, descriptor: int, compression: Compression = Compression.NONE) -> None:
         """Start a file.
 
         Args:
             descriptor: an empty file, open for writing; the caller closes it after ``close``.
+            compression: of its chunks.
 
         Raises:
             OSError: if the disk fails.
         """
         self._stream = WholeWrites(descriptor)
         self.sync = DiskSync(descriptor)
-        self._writer = mcap_writer(self._stream)
+        self._writer = mcap_writer(self._stream, compression)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._writer.start(profile="ros2", library=LIBRARY)
@@ -158,9 +161,9 @@ class SessionFile:
         return self._schemas[kind]
 
 
-def mcap_writer(stream: WholeWrites) -> Writer:
-    """Return a writer of chunks without compression: images of cameras are compressed later."""
-    return Writer(cast(Any, stream), CHUNK_BYTES, CompressionType.NONE)
+def mcap_writer(stream: WholeWrites, compression: Compression = Compression.NONE) -> Writer:
+    """Return a writer of chunks."""
+    return Writer(cast(Any, stream), CHUNK_BYTES, _COMPRESSION[compression])
 
 
 @cache

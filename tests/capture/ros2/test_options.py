@@ -17,6 +17,7 @@ Complaint = Callable[..., tuple[int, str]]
         (("--remap", "/a"), "--remap: got '/a', valid: /old:=/new"),
         (("--remap", "/imu/data:=imu"), "topic 'imu', valid: a name such as"),
         (("--remap", "/imu/data:=/label"), "--remap: two topics would be '/label'"),
+        (("--clock", "--remap", "/imu/data:=/clock"), "--clock: the recording has a topic /clock;"),
         (("--topics", "/imu/dota"), "unknown topic '/imu/dota'; did you mean '/imu/data'?"),
         (("--domain", "500"), "500 is not in the range 0<=x<=232"),
         (("--interface", "a b"), "interface: got 'a b', valid: a network interface"),

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grasp_factory.capture.ros2.clock_topic import ClockTicks
 from grasp_factory.capture.ros2.play_clock import PlayClock, PlayRate
 from grasp_factory.errors import UsageError
 
@@ -52,6 +53,19 @@ def test_what_is_sent_late_is_noted_and_does_not_delay_the_rest() -> None:
     times, latest = sent_at([0, 10**8, 2 * 10**8, 10**9], "1", work_s=0.25)
     assert times == pytest.approx([0.0, 0.25, 0.5, 1.0])
     assert latest == pytest.approx(0.3)
+
+
+def test_times_of_the_clock_come_every_10_ms_from_the_first_message_on() -> None:
+    ticks = ClockTicks(skips_pauses=False)
+    found = [list(ticks.until(stamp)) for stamp in (5_000_000, 5_000_000, 36_000_000, 40_000_000)]
+    assert found == [[5_000_000], [], [15_000_000, 25_000_000, 35_000_000], []]
+
+
+def test_a_pause_of_years_has_one_time_if_nothing_waits() -> None:
+    ticks = ClockTicks(skips_pauses=True)
+    assert list(ticks.until(0)) == [0]
+    assert list(ticks.until(2**62)) == [2**62 // 10**7 * 10**7]
+    assert list(ticks.until(2**62)) == []
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "fast", "nan", "inf", "1e9", ""])

@@ -15,9 +15,12 @@ from mcap.stream_reader import StreamReader
 from support.places import TINY
 from support.topic_commands import TopicCommands, ended
 
+from grasp_factory.capture.ros2.clock_topic import CLOCK, ClockTicks, clock_message
+from grasp_factory.capture.ros2.message_stamp import stamp_of
 from grasp_factory.dataset.dataset import Dataset
 
 pytestmark = pytest.mark.slow
+IMU = "sensor_msgs/msg/Imu"
 Bag = Mapping[str, list[bytes]]
 
 
@@ -65,6 +68,25 @@ def test_a_bag_that_is_sent_and_collected_is_the_same_to_the_byte(
     assert "33 with a subscriber" in said
     assert ended(collecting)[::2] == (0, "")
     assert bytes_of(out) == bytes_of(bag)
+
+
+def test_the_clock_of_an_episode_is_a_topic_beside_the_others(
+    topics: TopicCommands, tmp_path: Path
+) -> None:
+    out, names = tmp_path / "clock.mcap", ("--topics", "/imu/data,/clock")
+    collecting = topics.start("collect", *names, "--silence", 2, "--out", out)
+    played = ("--topics", "/imu/data", "--clock", "--rate", "max", "--wait-for-all")
+    code, said, complaint = topics.run("publish", TINY, 1, *played)
+    assert (code, complaint) == (0, "")
+    assert "2 topics, 2 with a subscriber" in said
+    assert ended(collecting)[::2] == (0, "")
+    sent = bytes_of(out)
+    first, *_, last = (stamp_of(IMU, data) for data in sent[f"/imu/data {IMU}"])
+    assert first and last
+    ticks = ClockTicks(skips_pauses=False)
+    times = [*ticks.until(first), *ticks.until(last)]
+    assert len(times) > 100
+    assert sent[f"/clock {CLOCK.kind}"] == [clock_message(time).rstrip(b"\0") for time in times]
 
 
 def test_what_is_no_bag_is_refused_in_one_line(topics: TopicCommands, tmp_path: Path) -> None:
