@@ -78,7 +78,12 @@ def run(peer: str, folder: Path) -> str:
     export = folder / peer
     if not export.exists():
         Dataset(store).export(training.format, export)
-    command = [python_of(peer), str(HERE / peer / "train.py"), str(export), *training.arguments]
+    command = [
+        python_of(HERE / peer),
+        str(HERE / peer / "train.py"),
+        str(export),
+        *training.arguments,
+    ]
     env = {**os.environ, "PYTHONPATH": source_of(peer)}
     done = subprocess.run(command, check=True, env=env, stdout=subprocess.PIPE, text=True)
     log.write_text(done.stdout)
