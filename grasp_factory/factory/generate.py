@@ -37,7 +37,7 @@ from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.lock import ShardLock, StoreLock
 from grasp_factory.writers.zarr.segment_packing import is_time_to_pack, pack
 from grasp_factory.writers.zarr.store import check_place, missing_rows, prepare_store
-from grasp_factory.writers.zarr.writer import QUARANTINED
+from grasp_factory.writers.zarr.writer import QUARANTINED, ZarrWriter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,6 +146,7 @@ def generate(
         if lock.is_alone:
             facts, files = origin_attributes(config, robot), embedded_assets.packed(config)
             prepare_store(path, config, len(robot.arm_joints), request.n, facts, carried=files)
+            ZarrWriter(path).remove_leftovers()
             lock.share()
         plan = _plan(request)
         on_start(plan)
@@ -176,6 +177,7 @@ def generate(
             ):
                 executor.run(task, jobs, hear, losses.recover, losses.silence)
         if lock.try_alone():
+            ZarrWriter(path).remove_leftovers()
             pack(path)
         return _summary(request, plan, time.monotonic() - start)
 

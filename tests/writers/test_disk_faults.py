@@ -66,9 +66,10 @@ STAGES = {
     "the publication": lambda done: done == "replace .ds.zarr.creating",
     "a block's data": lambda done: done.startswith("write ds.zarr/cameras/front/rgb/1"),
     "a block's sync": lambda done: done.startswith("fsync ds.zarr/streams/phase/1"),
-    "a rename": lambda done: done.startswith("replace ds.zarr/imu/timestamp/1"),
-    "the commit marker": lambda done: done == "write ds.zarr/episodes/status/1.partial",
-    "the marker's sync": lambda done: done == "fsync ds.zarr/episodes/status/1",
+    "a rename": lambda done: done.startswith("replace ds.zarr/imu/timestamp/1."),
+    "the commit marker": lambda done: done.startswith("replace ds.zarr/episodes/status/1."),
+    "a claim": lambda done: done == "open ds.zarr/episodes/status/1.claim-0.partial",
+    "the marker's sync": lambda done: done.startswith("fsync ds.zarr/episodes/status/1."),
     "a segment": lambda done: done.startswith("write ds.zarr/packed/1-1.npz"),
     "a segment's sync": lambda done: done.startswith("fsync ds.zarr/packed/1-1.npz"),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import signal
 import subprocess
 import sys
@@ -25,7 +26,9 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.base import Quarantined
+from grasp_factory.writers.zarr import block_attempt
 from grasp_factory.writers.zarr import writer as zarr_module
+from grasp_factory.writers.zarr.block_attempt import BlockAttempt
 from grasp_factory.writers.zarr.store import prepare_store
 
 pytestmark = pytest.mark.slow
@@ -175,21 +178,21 @@ def test_a_crash_before_any_array_leaves_the_block_pending_and_redone_to_the_sam
     write_all(tmp_path / "want", CONFIG, 2)
     write_all(tmp_path / "out", CONFIG, 2)
     writer, rows = ZarrWriter(tmp_path / "out"), make_rows(CONFIG, 0, 2, quarantined=(1,))
-    write, left = Place.write, 0
+    replace, left = Place.replace, 0
 
-    def crash_when_none_is_left(file: Place, data: bytes) -> None:
+    def crash_when_none_is_left(file: Place, target: Place) -> None:
         nonlocal left
         if left == 0:
             raise Crash
         left -= 1
-        write(file, data)
+        replace(file, target)
 
     arrays = len(schema.expand(CONFIG))
     for survivors in sorted({*range(0, arrays, scaled(4, 1)), arrays - 1}):
         left = survivors
         (tmp_path / "out/episodes/status/0").unlink(missing_ok=True)  # else its rows are kept
         with monkeypatch.context() as patch, pytest.raises(Crash):
-            patch.setattr(Place, "write", crash_when_none_is_left)
+            patch.setattr(Place, "replace", crash_when_none_is_left)
             writer.write_block(0, rows)
         assert pending_blocks(tmp_path / "out", 2) == [0], f"after {survivors} arrays"
         if survivors % 8 == 0 or survivors == arrays - 1:
@@ -227,7 +230,8 @@ def test_a_process_killed_while_writing_leaves_nothing_that_stays(
     code = KILLED.format(tests=tests, path=str(path), survivors=survivors)
     done = subprocess.run([sys.executable, "-c", code], check=False)
     assert done.returncode == -signal.SIGKILL
-    assert len(list(path.rglob("*.partial"))) == 1
+    left = len(schema.expand(CONFIG)) - survivors
+    assert len(list(path.rglob("*.partial"))) == left + 1  # and the claim
     assert pending_blocks(path, 2) == [0]
     ZarrWriter(path).write_block(0, make_rows(CONFIG, 0, 2, quarantined=(1,)))
     assert_same_tree(tmp_path / "want", path)
@@ -237,6 +241,8 @@ def test_what_was_left_of_a_video_goes_when_the_episode_has_none_any_more(tmp_pa
     config = small_config(block_size=2, video_hz=5, resolution=(16, 16))
     write_all(tmp_path / "want", config, 2)  # 1 is quarantined
     write_all(tmp_path / "out", config, 2)
+    (tmp_path / "out/episodes/status/0").unlink()
+    (tmp_path / "out/videos/front/rgb/1.0.0.0.0").touch()
     (tmp_path / "out/videos/front/rgb/1.0.0.0.0.partial").touch()
     ZarrWriter(tmp_path / "out").write_block(0, make_rows(config, 0, 2, quarantined=(1,)))
     assert_same_tree(tmp_path / "want", tmp_path / "out")
@@ -268,31 +274,51 @@ def test_everything_is_on_the_disk_before_the_block_is_committed(
 ) -> None:
     prepare_store(tmp_path / "out", CONFIG, JOINTS, 2, {})
     writer, events = ZarrWriter(tmp_path / "out"), []
-    write, sync = Place.write, zarr_module.fsync_places
+    replace, sync = Place.replace, block_attempt.fsync_places
 
-    def log_write(file: Place, data: bytes) -> None:
-        events.append(("write", file.parent.inner))
-        write(file, data)
+    def log_replace(file: Place, target: Place) -> None:
+        events.append(("name", target.inner))
+        replace(file, target)
 
-    def log_sync(paths: Any) -> None:
-        paths = list(paths)
-        names = [path.inner for path in paths]
-        events.extend(("sync", name) for name in names)
-        sync(paths)
+    def log_sync(places: Any) -> None:
+        places = list(places)
+        events.extend(("sync", re.sub(r"\.[0-9a-f]{16}\.partial", "", p.inner)) for p in places)
+        sync(places)
 
-    monkeypatch.setattr(Place, "write", log_write)
+    monkeypatch.setattr(Place, "replace", log_replace)
+    monkeypatch.setattr(block_attempt, "fsync_places", log_sync)
+    writer.write_block(0, make_rows(CONFIG, 0, 2))
+    marker, files = "episodes/status/0", set(tree(tmp_path / "out"))
+    files = {name for name in files if not name.endswith("zarr.json")}
+    folders = {name.rpartition("/")[0] for name in files - {marker}}
+    first, commit = len(files), events.index(("name", marker))
+    assert {name for _, name in events[:first]} == files
+    assert {what for what, _ in events[:first]} == {"sync"}
+    assert {name for what, name in events[first:commit] if what == "name"} == files - {marker}
+    assert {name for what, name in events[commit - len(folders) : commit]} == folders
+    assert events[commit + 1 :] == [("sync", "episodes/status")]
+
+
+def test_a_block_that_goes_on_says_so_durably_before_it_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare_store(tmp_path / "out", CONFIG, JOINTS, 2, {})
+    ZarrWriter(tmp_path / "out").write_block(0, make_rows(CONFIG, 0, 1))
+    marker, synced = tmp_path / "out/episodes/status/0.partial", []
+
+    def log_sync(places: Any) -> None:
+        synced.extend(place.inner for place in places)
+
+    def check(attempt: BlockAttempt) -> None:
+        assert marker.exists()
+        assert synced == ["episodes/status"]
+        publish(attempt)
+
+    publish = BlockAttempt.publish
+    monkeypatch.setattr(BlockAttempt, "publish", check)
     monkeypatch.setattr(zarr_module, "fsync_places", log_sync)
-    for _ in range(2):
-        events.clear()
-        writer.write_block(0, make_rows(CONFIG, 0, 2))
-    commit = events.index(("write", "episodes/status"))
-    assert events[0] == ("sync", "episodes/status")  # it says that the block goes on
-    assert events[commit + 1 :] == [("sync", "episodes/status/0"), ("sync", "episodes/status")]
-    synced = {name for what, name in events[1:commit] if what == "sync"}
-    written = {name for what, name in events[1:commit] if what == "write"}
-    assert written == {row.path for row in schema.expand(CONFIG)} - {"episodes/status"}
-    files = {name for name in tree(tmp_path / "out") if not name.endswith("zarr.json")}
-    assert synced == written | files - {"episodes/status/0"}
+    ZarrWriter(tmp_path / "out").write_block(0, make_rows(CONFIG, 0, 2))
+    assert not marker.exists()
 
 
 def test_it_opens_only_what_is_a_store(tmp_path: Path) -> None:

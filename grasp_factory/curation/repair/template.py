@@ -16,11 +16,12 @@ from grasp_factory.core.place import Place, fsync_places, place_at, place_of
 from grasp_factory.core.place_tree import files_below
 from grasp_factory.curation.verify.documents import FILE, read_document
 from grasp_factory.errors import StoreError, StoreMismatchError
+from grasp_factory.writers.zarr.block_attempt import ATTEMPT_FILE
 from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.header import read_attributes
 from grasp_factory.writers.zarr.store import remove_creation
 
-_OURS = re.compile(r"(zarr\.json|c|[0-9]+(\.[0-9]+)*)(" + re.escape(PARTIAL) + ")?")
+_OURS = re.compile(rf"(zarr\.json|c)({re.escape(PARTIAL)})?|[0-9]+(\.[0-9]+)*({ATTEMPT_FILE})?")
 """Names of the files and folders of a store's arrays."""
 
 

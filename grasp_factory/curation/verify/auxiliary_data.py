@@ -26,6 +26,7 @@ from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.dataset.annotations.log_file import FOLDER as ANNOTATIONS
 from grasp_factory.dataset.annotations.log_file import NAME as LOG
 from grasp_factory.errors import RefusedFileError, StoreError, shown
+from grasp_factory.writers.zarr.block_attempt import ATTEMPT_FILE
 from grasp_factory.writers.zarr.column_segments import FOLDER, Segment, apart, segments
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.embedded import DESCRIPTIONS, embedded_in, read_embedded
@@ -45,7 +46,8 @@ from grasp_factory.writers.zarr.staging import CREATING
 _OTHER_FOLDERS = (ANNOTATIONS, LABELS, FOLDER, SIGNATURE_FOLDER, *DESCRIPTIONS)
 """Folders that are checked separately."""
 _OWN_PARTIAL = re.compile(
-    r"(zarr\.json|[0-9]+(\.0)*|[0-9]+-[0-9]+\.npz|SHA256SUMS(\.sig)?)" + re.escape(PARTIAL)
+    rf"[0-9]+(\.0)*{ATTEMPT_FILE}"
+    rf"|(zarr\.json|[0-9]+-[0-9]+\.npz|SHA256SUMS(\.sig)?){re.escape(PARTIAL)}"
 )
 _CHUNK = re.compile(r"[0-9]+(\.[0-9]+)*")
 _SHARED = "has blocks of another segment, and is not read"

@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterator
 from grasp_factory.core.place import Place, fsync_places
 from grasp_factory.core.place_tree import files_below
 from grasp_factory.errors import StoreMismatchError
+from grasp_factory.writers.zarr.block_attempt import ATTEMPT_FILE
 
 CREATING = ".creating"
 """Suffix of the folders in which stores and labels are created."""
 ROOT_METADATA = "zarr.json"
 """The file that makes a folder a store."""
 _STORE_FILE = re.compile(
-    r"(zarr\.json|log\.jsonl|[0-9]+(\.[0-9]+)*|[0-9]+-[0-9]+\.npz)(\.partial)?"
+    r"(zarr\.json|log\.jsonl|[0-9]+-[0-9]+\.npz)(\.partial)?"
+    rf"|[0-9]+(\.[0-9]+)*({ATTEMPT_FILE})?"
 )
 
 

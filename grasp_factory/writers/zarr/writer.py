@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import random
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,12 @@ from grasp_factory.core.place import Place, fsync_places
 from grasp_factory.core.schema import Field
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.base import Quarantined, Writer, check_count, check_rows, texts_of
+from grasp_factory.writers.zarr.block_attempt import (
+    BlockAttempt,
+    SupersededError,
+    claimed_blocks,
+    remove_attempts,
+)
 from grasp_factory.writers.zarr.column_segments import unpack_block
 from grasp_factory.writers.zarr.digests import digests
 from grasp_factory.writers.zarr.encoding import packed_chunk, packed_shard
@@ -32,6 +41,8 @@ from grasp_factory.writers.zarr.layout import ZSTD_LEVEL, block_files
 
 MISSING, COMMITTED, QUARANTINED = range(3)
 """Values of the column ``status``."""
+WAITS_S = tuple(min(0.05 * 1.5**k, 2.0) for k in range(16))
+"""Longest waits before a block is tried again that another process is writing, seconds."""
 
 Values = Mapping[str, NDArray[Any]]
 """One row of the store: array by path. A path that is missing gets the fill value."""
@@ -68,11 +79,14 @@ class ZarrWriter(Writer):
         rows: Sequence[Episode | Quarantined],
         fingerprints: Sequence[str] = (),
     ) -> None:
-        """Write array by array, then ``status``, which commits the block.
+        """Write all files aside, then give them their names, ``status`` last: it commits the block.
 
-        An existing block is cleared first, unless ``rows`` contains all its episodes unchanged:
-        then its files are replaced one by one, and no episode is lost meanwhile. Rows of the block
-        that are not passed stay missing. See ``Writer.write_block``.
+        Several processes may do this for one block: the files are those of one of them
+        (``block_attempt``). Rows of the block that are not passed stay missing. If the block has
+        all these rows already, nothing is written. See ``Writer.write_block``.
+
+        Raises:
+            StoreError: if the block has other episodes than ``rows``.
         """
         start = block * self.block_size
         room = min(self.block_size, self.length - start)
@@ -82,15 +96,55 @@ class ZarrWriter(Writer):
             check_rows(block, rows, start, room)
         texts = texts_of(rows, fingerprints)
         values = [self._values(*row) for row in zip(rows, texts, strict=True)]
-        unpack_block(self._place, block)
-        if self._keeps(block, values):
-            self._mark(block)
-        else:
-            self._clear(block)
-        data = [field for field in self._fields if field != schema.STATUS]
-        for fields in (data, [schema.STATUS]):
-            written = [file for field in fields for file in self._write(field, block, values)]
-            fsync_places([*written, *(self._place / field.path for field in fields)])
+        for wait_s in WAITS_S:
+            try:
+                return self._attempt(block, values)
+            except SupersededError:
+                time.sleep(random.uniform(0.0, wait_s))
+        raise StoreError(
+            f"{self.path}: block {block} is written by other processes again and again: wait for"
+            " them, then run the same command again"
+        )
+
+    def remove_leftovers(self) -> None:
+        """Remove what lost processes have left of blocks. The caller holds the store's lock.
+
+        Raises:
+            StoreError: if that cannot be done.
+        """
+        try:
+            for block in claimed_blocks(self._place / schema.STATUS.path):
+                rows = self._rows_of(block)
+                if rows:
+                    is_complete = len(self.present(block)) == len(rows)
+                    remove_attempts(*self._block_files(block), is_complete=is_complete)
+        except OSError as error:
+            raise StoreError(
+                f"{self.path}: what is left of a block cannot be removed: {error.strerror}"
+            ) from None
+
+    def _attempt(self, block: int, values: Sequence[Values]) -> None:
+        """Write a block, unless the store has it already.
+
+        Raises:
+            SupersededError: if another process does the same.
+        """
+        marker, files = self._block_files(block)
+        with BlockAttempt(marker, files) as attempt:
+            if self._holds(block, values):
+                return
+            for field in self._fields:
+                self._stage(attempt, field, block, values)
+            attempt.sync()
+            attempt.check()
+            if self._holds(block, values):
+                return
+            unpack_block(self._place, block)
+            if marker.exists():  # readers then treat its uncommitted rows as pending
+                _touch(marker.partial)
+                fsync_places([marker.parent])
+            attempt.publish()
+            marker.partial.unlink(missing_ok=True)
 
     def _values(self, row: Episode | Quarantined, fingerprint: str) -> Values:
         contents = row.contents()
@@ -136,50 +190,44 @@ class ZarrWriter(Writer):
         status = read_array(self._arrays[schema.STATUS.path], rows).tolist()
         return {start + k: code for k, code in enumerate(status) if code}
 
-    def _keeps(self, block: int, values: Sequence[Values]) -> bool:
-        """Return whether a block exists, and these rows contain all its episodes unchanged."""
+    def _holds(self, block: int, values: Sequence[Values]) -> bool:
+        """Return whether a block has these rows and no others.
+
+        Raises:
+            StoreError: if it has an episode that is not among them.
+        """
         present, start = self.present(block), block * self.block_size
-        episodes = [row for row, status in present.items() if status == COMMITTED]
-        for row in episodes:
-            stored = read_array(self._arrays[schema.CHECKSUM.path], slice(row, row + 1))[0]
-            if row - start >= len(values) or values[row - start][schema.CHECKSUM.path] != stored:
-                return False
-        return bool(present)
+        same = 0
+        for row, status in present.items():
+            ours = values[row - start] if row - start < len(values) else {}
+            is_same = self._is_stored(schema.CHECKSUM, row, ours)
+            same += is_same and self._is_stored(schema.FINGERPRINT, row, ours)
+            if status == COMMITTED and not is_same:
+                raise StoreError(
+                    f"{self.path}: block {block} was written with another episode {row} by another"
+                    " process: a committed episode is not replaced; `grasp-factory verify` tells"
+                    " whether the store is whole"
+                )
+        return same == len(values) == len(present)
 
-    def _mark(self, block: int) -> None:
-        """Mark the block as being rewritten, so that readers treat uncommitted rows as pending."""
-        for row in self._fields:
-            for file in self._files_of(row, block):
-                file.partial.unlink(missing_ok=True)
-        marker = self._files_of(schema.STATUS, block)[0]
-        os.close(marker.partial.create())
-        fsync_places([marker.parent])
+    def _is_stored(self, column: Field, row: int, values: Values) -> bool:
+        """Return whether the store has the value of a row in a column, or has no such column."""
+        array = self._arrays.get(column.path)
+        return array is None or read_array(array, slice(row, row + 1))[0] == values.get(column.path)
 
-    def _clear(self, block: int) -> None:
-        marker = self._files_of(schema.STATUS, block)[0]
-        if marker.exists():
-            marker.unlink()
-            # Durable before the data is removed: a power cut must not leave only the marker.
-            fsync_places([marker.parent])
-        for row in self._fields:
-            for file in self._files_of(row, block):
-                file.unlink(missing_ok=True)
-                file.partial.unlink(missing_ok=True)
-
-    def _write(self, row: Field, block: int, values: Sequence[Values]) -> list[Place]:
-        """Write a field's files of a block and return them."""
+    def _stage(
+        self, attempt: BlockAttempt, row: Field, block: int, values: Sequence[Values]
+    ) -> None:
+        """Write a field's files of a block aside."""
         files = self._files_of(row, block)
         if not row.is_video:
-            files[0].write(self._packed(row, [value.get(row.path) for value in values]))
-            return files
-        written = []
+            attempt.stage(files[0], self._packed(row, [value.get(row.path) for value in values]))
+            return
         for file, value in zip(files, values, strict=False):
             frames = value.get(row.path, ())
             if len(frames):
                 room = self._arrays[row.path].shape[1]
-                file.write(packed_shard(list(frames), room, ZSTD_LEVEL))
-                written.append(file)
-        return written
+                attempt.stage(file, packed_shard(list(frames), room, ZSTD_LEVEL))
 
     def _packed(self, row: Field, values: Sequence[NDArray[Any] | None]) -> bytes:
         """Return the bytes of a block; missing values and the padding are the fill value."""
@@ -198,10 +246,18 @@ class ZarrWriter(Writer):
                 column[i] = value.tolist() if is_text else value
         return packed_chunk(column, ZSTD_LEVEL)
 
+    def _block_files(self, block: int) -> tuple[Place, list[Place]]:
+        """Return the marker of a block and its other files."""
+        data = [field for field in self._fields if field != schema.STATUS]
+        files = [file for field in data for file in self._files_of(field, block)]
+        return self._files_of(schema.STATUS, block)[0], files
+
     def _files_of(self, row: Field, block: int) -> list[Place]:
+        return block_files(self._place, row, block, self._rows_of(block))
+
+    def _rows_of(self, block: int) -> range:
         start = block * self.block_size
-        rows = range(start, min(start + self.block_size, self.length))
-        return block_files(self._place, row, block, rows)
+        return range(start, min(start + self.block_size, self.length))
 
 
 def _padded(value: NDArray[Any] | None, room: tuple[int, ...], row: Field) -> NDArray[Any]:
@@ -209,3 +265,8 @@ def _padded(value: NDArray[Any] | None, room: tuple[int, ...], row: Field) -> ND
     if value is not None:
         whole[: len(value)] = value
     return whole
+
+
+def _touch(file: Place) -> None:
+    with contextlib.suppress(FileExistsError):
+        os.close(file.create())
