@@ -25,7 +25,7 @@ _training = partial(option, heading="Training", show_default=True)
     cls=Command,
     examples=(
         "grasp-factory flywheel loop",
-        "grasp-factory flywheel small --rounds 2 --start 200 --budget 200 --eval 300 --workers 4",
+        "grasp-factory flywheel small --rounds 2 --start 200 --budget 200 --eval 300",
         "grasp-factory flywheel active --select active --try 500 --objects procedural",
     ),
 )

@@ -17,7 +17,7 @@ from grasp_factory.cli.printing import print_json, say_lines
     cls=Command,
     name="camera",
     examples=(
-        "grasp-factory calibrate camera board_images camchain.yaml --board 7x5 --square 0.04",
+        "grasp-factory calibrate camera images camchain.yaml --board 7x5 --square 0.04",
         "grasp-factory calibrate camera session_1764 camchain.yaml --topic /wrist/image",
     ),
 )

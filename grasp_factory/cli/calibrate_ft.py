@@ -18,7 +18,7 @@ from grasp_factory.errors import UsageError
     name="ft",
     examples=(
         "grasp-factory calibrate ft ft.yaml --tare still.csv",
-        "grasp-factory calibrate ft new.yaml --tare session_1764 --from ft.yaml --topic /ft/wrench",
+        "grasp-factory calibrate ft new.yaml --tare session_1 --from f.yaml --topic /ft",
         "grasp-factory calibrate ft ft.yaml --poses poses.csv",
     ),
 )

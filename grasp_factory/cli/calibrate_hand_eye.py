@@ -20,7 +20,7 @@ from grasp_factory.errors import UsageError
     examples=(
         "grasp-factory calibrate hand-eye pairs.json camera_on_hand.yaml",
         "grasp-factory calibrate hand-eye pairs.csv camera.yaml --setup to-hand",
-        "grasp-factory calibrate hand-eye images out.yaml --poses p.csv --camera camchain.yaml",
+        "grasp-factory calibrate hand-eye images out.yaml --poses p.csv --camera c.yaml",
     ),
 )
 @click.argument("source", metavar="SOURCE", type=click.Path(path_type=Path))

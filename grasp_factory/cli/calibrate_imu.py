@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     name="imu",
     examples=(
         "grasp-factory calibrate imu still.csv imu_calibration",
-        "grasp-factory calibrate imu session_1764 out --topic /imu/imu --positions turned.csv",
+        "grasp-factory calibrate imu session_1 out --topic /imu --positions turned.csv",
     ),
 )
 @click.argument("still", metavar="STILL", type=click.Path(path_type=Path))

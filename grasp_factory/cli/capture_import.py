@@ -30,8 +30,8 @@ _PATH = click.Path(path_type=Path)
     cls=Command,
     examples=(
         "grasp-factory capture import session_1 --out real.zarr",
-        "grasp-factory capture import session_1 --out real.zarr --cut gripper --min-quality 4",
-        "grasp-factory capture import session_1 --out real.zarr --cuts cuts.csv --like grasps.zarr",
+        "grasp-factory capture import session_1 --out real.zarr --min-quality 4",
+        "grasp-factory capture import session_1 --out r.zarr --cuts c.csv --like g.zarr",
     ),
 )
 @click.argument("session", type=_PATH)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         "grasp-factory capture publish grasps.zarr 3",
         "grasp-factory capture publish grasps.zarr 3 --rate max --wait-for-all",
         "grasp-factory capture publish drive.mcap --rate 2",
-        "grasp-factory capture publish grasps.zarr 3 --topics /imu/data,/joint_states --rate 0.5",
+        "grasp-factory capture publish grasps.zarr 3 --topics /imu/data --rate 0.5",
     ),
 )
 @click.argument("source", metavar="SOURCE", type=click.Path(path_type=Path))

@@ -16,7 +16,7 @@ from grasp_factory.cli.printing import print_json, say
     cls=Command,
     examples=(
         "grasp-factory card grasps.zarr",
-        "grasp-factory card grasps.zarr --name 'Kuka grasps' --license cc-by-4.0 --out card",
+        "grasp-factory card grasps.zarr --name Kuka --license cc-by-4.0 --out card",
     ),
 )
 @STORE

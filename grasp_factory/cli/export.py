@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from grasp_factory.cli.completion import completes, formats
 from grasp_factory.cli.params import AS_JSON, Command, option
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import chosen_of_each, row_options
@@ -29,11 +30,17 @@ if TYPE_CHECKING:
     examples=(
         "grasp-factory export --list",
         "grasp-factory export grasps.zarr frames --to article",
-        "grasp-factory export grasps.zarr shards --to webdataset --split train --workers 2",
+        "grasp-factory export grasps.zarr shards --to webdataset --split train",
     ),
 )
 @click.argument("paths", metavar="STORE... OUT", nargs=-1, type=click.Path(path_type=Path))
-@option("--to", "name", metavar="FORMAT", help="Format, see --list.")
+@option(
+    "--to",
+    "name",
+    metavar="FORMAT",
+    shell_complete=completes(formats),
+    help="Format, see --list.",
+)
 @option("--list", "as_list", is_flag=True, help="List the formats: what each has and leaves out.")
 @option(
     "--option",

@@ -31,7 +31,7 @@ _output = partial(option, heading="Output")
     cls=Command,
     examples=(
         "grasp-factory generate --n 1000 --workers 4 --out grasps.zarr",
-        "grasp-factory generate --robot panda --policy top_down --objects classic --out panda.zarr",
+        "grasp-factory generate --robot panda --policy top_down --out panda.zarr",
         "grasp-factory generate --n 100000 --dry-run",
         "grasp-factory generate --print-config > my.yaml",
         "grasp-factory generate --config my.yaml --seed 1 --out seed1.zarr",

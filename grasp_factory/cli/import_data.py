@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     examples=(
         "grasp-factory import drive.bag --list",
         "grasp-factory import drive.bag frames --to sequences",
-        "grasp-factory import drive.mcap frames --to article --topics /camera/color/image_raw",
+        "grasp-factory import drive.mcap frames --to article --topics /image_raw",
         "grasp-factory import exported again.zarr",
     ),
 )

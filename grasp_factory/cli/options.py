@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from grasp_factory.cli.completion import completes, rows_of
 from grasp_factory.cli.params import option, options, resolution, weighted
 from grasp_factory.cli.plugin_options import plugin_options
 from grasp_factory.core.config.cameras import CAMERAS
@@ -46,6 +47,7 @@ dataset_options = options(
     _scene(
         "--robot",
         metavar="NAME|FILE.py:NAME",
+        shell_complete=completes(rows_of("robots"), files=True),
         help="Robot, see `grasp-factory robots`, or a RobotModel in a Python file."
         f"  [default: {DEFAULTS.robot}]",
     ),
@@ -54,6 +56,7 @@ dataset_options = options(
         "object_sets",
         type=weighted,
         metavar="NAME|DIR|FILE.py:NAME[:WEIGHT]",
+        shell_complete=completes(rows_of("object_sets"), files=True),
         multiple=True,
         help="Object set, see `grasp-factory objects`, a folder of meshes and URDFs, or an"
         " ObjectSet in a Python file. Objects are drawn from several sets in proportion to their"
@@ -78,6 +81,7 @@ dataset_options = options(
         "policies",
         type=weighted,
         metavar="NAME|FILE.py:NAME[:WEIGHT]",
+        shell_complete=completes(rows_of("policies"), files=True),
         multiple=True,
         help="Policy, see `grasp-factory policies`, or a function in a Python file. Several"
         " policies share the episodes in proportion to their weights. Repeatable."

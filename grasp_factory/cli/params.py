@@ -89,9 +89,11 @@ class Commands(click.Group):
         """Return the command that the first argument names.
 
         Raises:
-            UnknownNameError: naming the nearest and all valid commands.
+            UnknownNameError: naming the nearest and all valid commands; not while a shell completes
+                the words after it.
         """
-        lookup(self.commands, "command", args[0])
+        if not ctx.resilient_parsing:
+            lookup(self.commands, "command", args[0])
         return super().resolve_command(ctx, args)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from grasp_factory.cli.completion import column_names, completes
 from grasp_factory.cli.params import Command, json_option, option
 from grasp_factory.cli.printing import print_json, say, say_lines
 from grasp_factory.errors import UsageError, lookup
@@ -33,9 +34,9 @@ _output = partial(option, heading="Output")
 @click.command(
     cls=Command,
     examples=(
-        "grasp-factory query grasps.zarr --where outcome=lost_in_lift --where 'slip_distance>0.02'",
-        "grasp-factory query grasps.zarr --where split=test --sort=-lift_height --limit 10",
-        "grasp-factory query grasps.zarr --columns row,object_id,outcome --csv > episodes.csv",
+        "grasp-factory query grasps.zarr --where policy=uniform --where 'n_steps>300'",
+        "grasp-factory query grasps.zarr --where split=test --sort=-lift_height",
+        "grasp-factory query grasps.zarr --columns row,outcome --csv > outcomes.csv",
         "grasp-factory query grasps.zarr --where success=true --count",
         "grasp-factory query --where help",
     ),
@@ -52,6 +53,7 @@ _output = partial(option, heading="Output")
     "--sort",
     metavar="COLUMN,...",
     default="",
+    shell_complete=completes(column_names),
     help="Columns to sort by; -COLUMN sorts in descending order.",
 )
 @option(
@@ -74,7 +76,12 @@ _output = partial(option, heading="Output")
     type=click.Path(path_type=Path),
     help="Index file.  [default: in the cache]",
 )
-@_output("--columns", metavar="A,B,...", help="Columns to print.")
+@_output(
+    "--columns",
+    metavar="A,B,...",
+    shell_complete=completes(column_names),
+    help="Columns to print.",
+)
 @json_option("Output")
 @_output("--csv", "as_csv", is_flag=True, help="Print CSV.")
 @_output("--ids", is_flag=True, help="Print episode indices, for --ids of other commands.")

@@ -52,8 +52,8 @@ def _size(
     cls=Command,
     examples=(
         "grasp-factory replay grasps.zarr 17",
-        "grasp-factory replay grasps.zarr 17 --video 17.mp4 --camera overhead --speed 0.25",
-        "grasp-factory replay grasps.zarr 17 --video 17.gif --eye 0.9,-0.7,0.4 --target 0.5,0,0",
+        "grasp-factory replay grasps.zarr 17 --video 17.mp4 --camera overhead",
+        "grasp-factory replay grasps.zarr 17 --video 17.gif --speed 0.25",
     ),
 )
 @STORE

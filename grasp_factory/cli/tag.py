@@ -32,8 +32,8 @@ _annotation = partial(option, heading="Annotation")
     examples=(
         "grasp-factory tag grasps.zarr --episodes 3,17 --add odd --note 'slips late'",
         "grasp-factory tag grasps.zarr --episodes 17 --quality 2 --outcome lost_in_lift",
-        "grasp-factory query grasps.zarr --where 'slip_distance>0.02' --ids > slipped.txt",
-        "grasp-factory tag grasps.zarr --ids slipped.txt --add slipped",
+        "grasp-factory query grasps.zarr --where 'slip_distance>0.02' --ids > ids.txt",
+        "grasp-factory tag grasps.zarr --ids ids.txt --add slipped",
     ),
 )
 @STORE

@@ -130,7 +130,7 @@ def train(
     cls=Command,
     examples=(
         "grasp-factory learning-curve grasps.zarr --sizes 100,300",
-        "grasp-factory learning-curve grasps.zarr --baseline touch --seeds 5 --out touch-curve",
+        "grasp-factory learning-curve grasps.zarr --baseline touch --seeds 5 --out tc",
     ),
 )
 @STORE
