@@ -13,6 +13,7 @@ GraspFactoryError
 │       ├── IrregularFileError  a link, a pipe or a device where a store's own file should be
 │       └── LimitError          a part of a store that is larger than a limit
 ├── RecipeError                 a recipe that cannot be built; the episode is quarantined
+├── StorageError                object storage that does not answer, or refuses access
 ├── CaptureError                a device, a recording or a calibration that cannot be used
 ├── WorkerError                 a worker process died; committed episodes stay
 └── FailuresError               too many episodes are quarantined
@@ -100,6 +101,10 @@ class LimitError(RefusedFileError):
     """A part of a store is larger than a limit; the message says how to raise it."""
 
 
+class StorageError(GraspFactoryError):
+    """Object storage does not answer, answers nonsense, or refuses access; nothing is damaged."""
+
+
 class RecipeError(GraspFactoryError):
     """An episode's recipe cannot be built or simulated; the episode is quarantined."""
 
@@ -114,6 +119,10 @@ class WorkerError(GraspFactoryError):
 
 class FailuresError(GraspFactoryError):
     """More episodes are quarantined than the run allows; the others are in the store."""
+
+
+NO_DAMAGE = (RefusedFileError, StorageError)
+"""Errors that go through where readers turn any other exception into damage of a store."""
 
 
 class _Shown(reprlib.Repr):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import Command, option
+from grasp_factory.cli.params import STORE_PATH, Command, option
 from grasp_factory.cli.printing import say
 from grasp_factory.errors import Terminated
 
@@ -26,9 +26,7 @@ from grasp_factory.errors import Terminated
         "grasp-factory browse grasps.zarr --read-only --no-open --port 8700",
     ),
 )
-@click.argument(
-    "paths", metavar="PATH...", nargs=-1, required=True, type=click.Path(path_type=Path)
-)
+@click.argument("paths", metavar="PATH...", nargs=-1, required=True, type=STORE_PATH)
 @option(
     "--port",
     metavar="PORT",

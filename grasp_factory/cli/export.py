@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from grasp_factory.cli.completion import completes, formats
-from grasp_factory.cli.params import AS_JSON, Command, option
+from grasp_factory.cli.params import AS_JSON, STORE_PATH, Command, option
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import chosen_of_each, row_options
 from grasp_factory.core.config.yaml_loader import parse_yaml
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         "grasp-factory export grasps.zarr shards --to webdataset --split train",
     ),
 )
-@click.argument("paths", metavar="STORE... OUT", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("paths", metavar="STORE... OUT", nargs=-1, type=STORE_PATH)
 @option(
     "--to",
     "name",

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, Command, option
+from grasp_factory.cli.params import AS_JSON, STORE_PATH, Command, option
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
 
@@ -20,9 +20,7 @@ from grasp_factory.core.serialization import to_plain
         "grasp-factory index grasps.zarr seed1.zarr --out all.sqlite",
     ),
 )
-@click.argument(
-    "paths", metavar="PATH...", nargs=-1, required=True, type=click.Path(path_type=Path)
-)
+@click.argument("paths", metavar="PATH...", nargs=-1, required=True, type=STORE_PATH)
 @option(
     "--out",
     metavar="FILE",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.params import AS_JSON, STORE, STORE_PATH, Command, option
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import chosen_rows, row_options
 from grasp_factory.core.platforms import ACCEPT
@@ -18,7 +18,7 @@ from grasp_factory.errors import UsageError
 if TYPE_CHECKING:
     from grasp_factory.curation.merge import Collected
 
-OUT = click.argument("out", type=click.Path(path_type=Path))
+OUT = click.argument("out", type=STORE_PATH)
 
 
 @click.command(
@@ -29,7 +29,7 @@ OUT = click.argument("out", type=click.Path(path_type=Path))
     ),
 )
 @OUT
-@click.argument("stores", metavar="STORE...", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("stores", metavar="STORE...", nargs=-1, type=STORE_PATH)
 @option(
     ACCEPT,
     is_flag=True,

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.plugins.file_loading import file_reference
 from grasp_factory.errors import ConfigError, lookup, shown
 from grasp_factory.factory.run_request import parse_size
@@ -118,7 +119,16 @@ def json_option(heading: str = OPTIONS) -> Callable[[F], F]:
     return option("--json", "as_json", is_flag=True, heading=heading, help="Print JSON.")
 
 
-STORE = click.argument("path", type=click.Path(path_type=Path))
+class StorePath(click.Path):
+    """A path on this machine, or the address of a store in object storage."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """See ``store_path``."""
+        return store_path(value)
+
+
+STORE_PATH = StorePath(path_type=Path)
+STORE = click.argument("path", type=STORE_PATH)
 AS_JSON = json_option()
 
 

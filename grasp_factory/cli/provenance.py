@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, Command
+from grasp_factory.cli.params import AS_JSON, STORE_PATH, Command
 from grasp_factory.cli.printing import print_json, say_lines
 
 
@@ -19,7 +19,7 @@ from grasp_factory.cli.printing import print_json, say_lines
         "grasp-factory provenance baselines/vision.safetensors",
     ),
 )
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=STORE_PATH)
 @AS_JSON
 def provenance(path: Path, *, as_json: bool) -> None:
     """Print what a thing was made of.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from grasp_factory.cli.completion import column_names, completes
-from grasp_factory.cli.params import Command, json_option, option
+from grasp_factory.cli.params import STORE_PATH, Command, json_option, option
 from grasp_factory.cli.printing import print_json, say, say_lines
 from grasp_factory.errors import UsageError, lookup
 
@@ -41,7 +41,7 @@ _output = partial(option, heading="Output")
         "grasp-factory query --where help",
     ),
 )
-@click.argument("paths", metavar="PATH...", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("paths", metavar="PATH...", nargs=-1, type=STORE_PATH)
 @option(
     "--where",
     metavar="CONDITION",

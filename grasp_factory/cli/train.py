@@ -11,7 +11,7 @@ from typing import Any, TextIO
 
 import click
 
-from grasp_factory.cli.params import STORE, Command, json_option, option, options
+from grasp_factory.cli.params import STORE, STORE_PATH, Command, json_option, option, options
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import IDS
 from grasp_factory.errors import UsageError, shown
@@ -23,7 +23,7 @@ learning_options = options(
     IDS,
     _training(
         "--test",
-        type=click.Path(path_type=Path),
+        type=STORE_PATH,
         metavar="PATH",
         help="Store whose test split the models are evaluated on.  [default: the same store]",
     ),

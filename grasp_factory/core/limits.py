@@ -77,6 +77,8 @@ SIGNED = Limit("signed", 128 * 2**20, "a list of signed files")
 DEPTH = Limit("depth", 32, "a depth of folders", is_count=True)
 ROWS = Limit("rows", 1_000_000, "a number of rows", is_count=True)
 CHUNKS = Limit("chunks", 4000, "a number of chunks", is_count=True)
+OBJECT = Limit("object", 2**30, "an object")
+LISTED = Limit("listed", 5_000_000, "a number of listed objects", is_count=True)
 LABELS = Limit("labels", 100, "a number of added labels", is_count=True)
 SIMULATIONS = Limit("simulations", 1000, "a number of rows to simulate again", is_count=True)
 MEMORY = Limit("memory", 768 * 2**20, "the memory of a simulation from a store's recipe")
@@ -112,6 +114,8 @@ LIMITS = {
         DEPTH,
         ROWS,
         CHUNKS,
+        OBJECT,
+        LISTED,
         LABELS,
         SIMULATIONS,
         MEMORY,

@@ -16,11 +16,14 @@ import stat
 import sys
 from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 
 from grasp_factory.core.atomic_file import PARTIAL, fsync_descriptors
 from grasp_factory.core.directories import Root, walk
+from grasp_factory.core.file_parts import FileParts
 from grasp_factory.core.limits import DEPTH, Limit
+from grasp_factory.core.object_storage.address import RemotePath
 from grasp_factory.core.regular_file import check_inside, check_parts, irregular, read_part
 
 _READ = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
@@ -46,7 +49,7 @@ class Place:
 
     def __truediv__(self, inner: str) -> Place:
         check_inside(self.root.path, inner)
-        return Place(self.root, f"{self.inner}/{inner}".strip("/"))
+        return type(self)(self.root, f"{self.inner}/{inner}".strip("/"))
 
     def __str__(self) -> str:
         return str(self.path)
@@ -64,7 +67,7 @@ class Place:
     @property
     def parent(self) -> Place:
         """The place that this one is in; the root is its own parent."""
-        return Place(self.root, self.inner.rpartition("/")[0])
+        return type(self)(self.root, self.inner.rpartition("/")[0])
 
     @property
     def partial(self) -> Place:
@@ -92,6 +95,10 @@ class Place:
             raise irregular(self.path / name)
         return descriptor, found.st_size
 
+    def open_parts(self, name: str) -> FileParts:
+        """Return a file in a directory, to read parts of it."""
+        return FileParts(*self.open_file(name))
+
     def read_bytes(self, limit: Limit) -> bytes:
         """Return the content of a file.
 
@@ -112,10 +119,9 @@ class Place:
     def stat(self) -> os.stat_result:
         """Return the facts of a file or directory."""
         folder, _, leaf = self.inner.rpartition("/")
+        look = partial(os.stat, leaf or ".", follow_symlinks=False)
         try:
-            found = self.root.use(
-                folder, lambda above: os.stat(leaf or ".", dir_fd=above, follow_symlinks=False)
-            )
+            found = self.root.use(folder, lambda above: look(dir_fd=above))
         except OSError as error:
             self._explain(error)
             raise
@@ -233,17 +239,14 @@ class Place:
         with self.above() as (source, before), target.above() as (there, after):
             os.replace(before, after, src_dir_fd=source, dst_dir_fd=there)
 
-    def open_for_sync(self) -> int:
+    def open_for_sync(self, flags: int = 0) -> int:
         """Return the descriptor of a file or a directory."""
-        return self._open(0)
+        with self.above() as (above, leaf):
+            return os.open(leaf, _READ | flags, dir_fd=above)
 
     def open_directory(self) -> int:
         """Return the descriptor of a directory, to list what is in it."""
-        return self._open(os.O_DIRECTORY)
-
-    def _open(self, flags: int) -> int:
-        with self.above() as (above, leaf):
-            return os.open(leaf, _READ | flags, dir_fd=above)
+        return self.open_for_sync(os.O_DIRECTORY)
 
     @contextlib.contextmanager
     def above(self) -> Iterator[tuple[int, str]]:
@@ -288,6 +291,8 @@ def place_at(path: Path) -> Place:
     Raises:
         OSError: if there is no such directory.
     """
+    if isinstance(path, RemotePath):
+        return path.parent.place() / path.name
     return Place(Root(path.parent), path.name)
 
 
@@ -296,5 +301,6 @@ def place_of(store: Path) -> Place:
 
     Raises:
         OSError: if there is no such directory.
+        StorageError: if it is in object storage that cannot be used.
     """
-    return Place(Root(store))
+    return store.place() if isinstance(store, RemotePath) else Place(Root(store))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Container, Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from grasp_factory.core.limits import DEPTH
+from grasp_factory.core.object_storage.object_place import ObjectPlace
 from grasp_factory.core.place import Place, fsync_places
 from grasp_factory.core.regular_file import irregular
 
@@ -22,6 +23,8 @@ class Entries(NamedTuple):
 
 def entries(place: Place) -> Entries:
     """Return what is in a directory."""
+    if isinstance(place, ObjectPlace):
+        return Entries(*place.entries(), [])
     out = Entries([], [], [])
     descriptor = place.open_directory()
     try:
@@ -37,6 +40,9 @@ def entries(place: Place) -> Entries:
 
 def file_facts(place: Place) -> Iterator[tuple[str, os.stat_result]]:
     """Yield name and facts of each file in a directory, in no order."""
+    if isinstance(place, ObjectPlace):
+        yield from place.file_facts()
+        return
     descriptor = place.open_directory()
     try:
         with os.scandir(descriptor) as found:
@@ -47,7 +53,7 @@ def file_facts(place: Place) -> Iterator[tuple[str, os.stat_result]]:
         os.close(descriptor)
 
 
-def files_below(place: Place, without: Container[str] = ()) -> Iterator[Place]:
+def files_below(place: Place, without: Collection[str] = ()) -> Iterator[Place]:
     """Yield all files below a directory, at any depth.
 
     Args:
@@ -59,6 +65,11 @@ def files_below(place: Place, without: Container[str] = ()) -> Iterator[Place]:
         LimitError: if directories are nested too deep.
     """
     DEPTH.check(place.inner.count("/"), place.path)
+    if isinstance(place, ObjectPlace):
+        for file, _ in place.files_below():
+            if not any(file.inner.startswith(f"{folder}/") for folder in without):
+                yield file
+        return
     found = entries(place)
     for name in found.others:
         raise irregular(place.path / name)
@@ -67,6 +78,15 @@ def files_below(place: Place, without: Container[str] = ()) -> Iterator[Place]:
             yield from files_below(place / name, without)
     for name in found.files:
         yield place / name
+
+
+def file_facts_below(place: Place) -> Iterator[tuple[Place, os.stat_result]]:
+    """Yield all files below a directory with their facts; see ``files_below``."""
+    if isinstance(place, ObjectPlace):
+        yield from place.files_below()
+        return
+    for file in files_below(place):
+        yield file, file.stat()
 
 
 def fsync_tree(place: Place) -> None:

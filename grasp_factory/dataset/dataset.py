@@ -14,6 +14,7 @@ import zarr
 from numpy.typing import NDArray
 
 from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.optional import require
 from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.dataset.annotated_episodes import AnnotatedEpisodes
@@ -75,7 +76,7 @@ class Dataset(AnnotatedEpisodes):
             StoreError: if the store is damaged.
             UsageError: for an invalid noise or seed.
         """
-        self.path, self.noise = Path(path), EpisodeNoise(named_noise(noise), noise_seed)
+        self.path, self.noise = store_path(path), EpisodeNoise(named_noise(noise), noise_seed)
         store = opened(self.path, checked=checked)
         self.config, self.attributes = store.config, store.attributes
         self._arrays, self._is_checked = store.arrays, checked

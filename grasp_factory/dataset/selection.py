@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TextIO
 
+from grasp_factory.core.object_storage.address import is_remote
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, UsageError, shown
 
@@ -120,6 +121,8 @@ def _is_row(text: str) -> bool:
 
 
 def _is_same(path: str, store: Path) -> bool:
+    if is_remote(store):
+        return path.rstrip("/") == str(store)
     if os.path.abspath(path) == os.path.abspath(store):
         return True
     try:

@@ -71,6 +71,7 @@ OWNERS = {
     },
     "ahrs": {"signals/orientation"},
     "imufusion": {"signals/orientation/fusion.py"},
+    "obstore": {"core/object_storage"},
     "allantools": {"capture/calibration/allan.py"},
 }
 """Who alone may import a library: folders and files of the package."""

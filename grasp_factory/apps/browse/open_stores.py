@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.schema import STATUS
 from grasp_factory.dataset.annotations import AnnotationLog
@@ -43,7 +44,7 @@ class OpenStores:
     """
 
     def __init__(self, stores: Sequence[IndexedStore]) -> None:
-        self._paths = {store.id: Path(store.path) for store in stores}
+        self._paths = {store.id: store_path(store.path) for store in stores}
         self._open: dict[int, tuple[Stamp, OpenStore]] = {}
         self._lock = threading.Lock()
 
@@ -75,9 +76,10 @@ class OpenStores:
 def _stamp(path: Path) -> Stamp:
     """Return inode, size and time of the header files, which change with the store's header."""
     found = []
-    for file in (path / "zarr.json", path / STATUS.path / "zarr.json"):
+    place = place_of(path)
+    for name in ("zarr.json", f"{STATUS.path}/zarr.json"):
         try:
-            state = file.stat()
+            state = (place / name).stat()
         except OSError:
             found.append((0, 0, 0))
         else:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.config.config_difference import first_difference
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.place import place_of
 from grasp_factory.core.platforms import FINGERPRINT, is_fingerprint
 from grasp_factory.curation.merge.provenance import Maker, makers_of
@@ -48,7 +49,8 @@ class SourceStore:
             StoreMismatchError: if there is no store, or its config is of another version.
             StoreError: if it is damaged.
         """
-        self.path, self.place = Path(path), locate(Path(path))
+        self.path = store_path(path)
+        self.place = locate(self.path)
         self._dataset = Dataset(self.path)
         if not is_sealed(place_of(self.path) / "zarr.json"):
             what = f"{self.path} is damaged: zarr.json is not as it was written"

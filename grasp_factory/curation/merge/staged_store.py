@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.place import place_at
 from grasp_factory.errors import StoreError, StoreMismatchError
 from grasp_factory.writers.zarr.files import locate
@@ -33,7 +34,7 @@ class StagedStore:
         Raises:
             StoreMismatchError: if something is there, unless a killed run has left it.
         """
-        self.path = Path(path)
+        self.path = store_path(path)
         with self._naming():
             self._staging = StagingFolder(place_at(locate(self.path)), suffix)
             self._check_free()

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.place_tree import fsync_tree
 from grasp_factory.core.serialization import to_plain
@@ -79,7 +80,7 @@ def pack_store(
         StoreError: if the store is damaged, or the disk fails.
     """
     place = StagedStore(out, _SUFFIX)
-    source = PackSource(Path(store))
+    source = PackSource(store_path(store))
     place.check_apart([source.store.place])
     config = _config(source, block_size)
     check_annotations([source.store])

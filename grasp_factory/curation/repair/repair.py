@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasp_factory.core.config.label import LabelConfig
+from grasp_factory.core.object_storage.address import on_disk
 from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.serialization import from_plain
@@ -71,8 +72,9 @@ def repair(
         UsageError: if there is no store.
         StoreError: if another process is writing to it, or the disk fails.
     """
-    with adding_how_to_continue(Path(path)):
-        return _repair(Path(path), workers, accept_other_platform, on_start, on_episode)
+    store = on_disk(path)
+    with adding_how_to_continue(store):
+        return _repair(store, workers, accept_other_platform, on_start, on_episode)
 
 
 def _repair(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from grasp_factory.core.executors import Executor, InlineExecutor, ProcessExecutor
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.optional import require_pybullet
 from grasp_factory.core.platforms import PARTS, differing, fingerprint_of, meaning, parsed
 from grasp_factory.core.real_columns import Source
@@ -66,7 +67,7 @@ def verify(
             simulated and PyBullet is not installed, or code of the user that the
             episodes need was not given.
     """
-    path = Path(path)
+    path = store_path(path)
     for key, got, low, high in (
         ("deep", deep, 0, MAX_EPISODES),
         ("workers", workers, 1, MAX_WORKERS),

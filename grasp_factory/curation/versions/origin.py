@@ -14,6 +14,7 @@ from pathlib import Path
 from grasp_factory import __version__
 from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import DOCUMENT
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.place import Place, place_at
 from grasp_factory.core.serialization import check, from_plain, to_plain
 from grasp_factory.dataset.snapshots import SnapshotFolder
@@ -103,7 +104,7 @@ def write_origin(store: Path | str, what: str, sources: Sequence[StoreState]) ->
 
     Another file of this name is left alone.
     """
-    path = Path(store)
+    path = store_path(store)
     try:
         file = _file(path)
         if file.exists():

@@ -9,6 +9,7 @@ from typing import Any
 
 from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import DOCUMENT
+from grasp_factory.core.object_storage.address import is_remote, real_path
 from grasp_factory.core.place import place_at
 from grasp_factory.curation.versions.origin import Origin, StoreState, read_origin, state_of
 from grasp_factory.dataset.snapshots.snapshot_folder import SHORT
@@ -45,7 +46,7 @@ def provenance_of(path: Path) -> ProvenanceNode:
         UsageError: if nothing there says what it was made of.
         StoreError: if that is damaged.
     """
-    if (path / "zarr.json").is_file():
+    if is_remote(path) or (path / "zarr.json").is_file():
         return _of_store(path, set())
     if (path / RECORD).is_file():
         return _of_export(path)
@@ -59,7 +60,7 @@ def provenance_of(path: Path) -> ProvenanceNode:
 
 
 def _of_store(path: Path, shown_already: set[Path]) -> ProvenanceNode:
-    shown_already.add(path.resolve())
+    shown_already.add(real_path(path))
     state, origin = state_of(path), read_origin(path)
     nodes = [ProvenanceNode(text=f"labels/{name}, by relabel") for name in added_labels(path)]
     text = _state_text(state)
@@ -78,7 +79,7 @@ def _of_origin(path: Path, origin: Origin, shown_already: set[Path]) -> Provenan
     """Return the sources of a store; those that are beside it with the same rows, as trees."""
     nodes = []
     for source in origin.sources:
-        beside = path.resolve().with_name(source.store)
+        beside = real_path(path).with_name(source.store)
         nodes.append(_source(beside, source, shown_already))
     text = f"{origin.what} by grasp-factory {origin.grasp_factory} of"
     return ProvenanceNode(text=text, made_of=tuple(nodes))

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from grasp_factory import __version__
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.dataset.annotations.log import default_who
 from grasp_factory.dataset.annotations.values import checked_who
 from grasp_factory.dataset.snapshots import PresentVersion, Snapshot, SnapshotFolder
@@ -53,7 +54,7 @@ def take_snapshot(store: Path | str, message: str, *, who: str = "") -> Taken:
         UsageError: for an invalid message or name, or if there is no store.
         StoreError: if the store or a snapshot is damaged, a run writes to it, or the disk fails.
     """
-    path, name = Path(store), checked_who(who or default_who())
+    path, name = store_path(store), checked_who(who or default_who())
     text = _checked_message(message)
     read_attributes(path)
     folder = SnapshotFolder.of(path)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.dataset.annotations.change_checks import check_place
 from grasp_factory.dataset.annotations.folding import fold_in
@@ -71,7 +72,7 @@ class AnnotationLog:
 
     def __init__(self, store: Path | str) -> None:
         """Use the store at ``store``; nothing is read yet, and the log need not exist."""
-        self.store = Path(store)
+        self.store = store_path(store)
         self._seen, self._lock = _Seen(), threading.Lock()
 
     def changes(self) -> list[Change]:

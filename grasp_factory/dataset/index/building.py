@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from grasp_factory.core.cache import cache_dir, digest
+from grasp_factory.core.object_storage.address import RemotePath, absolute_path, real_path
+from grasp_factory.core.object_storage.client import endpoint
 from grasp_factory.dataset.annotations import Annotation, AnnotationLog
 from grasp_factory.dataset.index.columns import BY_NAME, OF_PEOPLE, OF_ROWS, OF_STORES
 from grasp_factory.dataset.index.database import built_aside, cannot_write, quoted, row_id
@@ -37,13 +39,19 @@ def default_path(stores: Sequence[Path]) -> Path:
     Raises:
         UsageError: if there is no place for the cache, or it cannot be written.
     """
-    name = digest("\n".join(os.path.abspath(store) for store in stores).encode())
+    name = digest("\n".join(map(_identity, stores)).encode())
     folder = cache_dir() / "indexes"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise cannot_write(folder, error.strerror or str(error)) from None
     return folder / f"{name}.sqlite"
+
+
+def _identity(store: Path) -> str:
+    """Return the absolute path of a store; of one in object storage, who answers there too."""
+    known = f"{endpoint(store)} " if isinstance(store, RemotePath) else ""
+    return f"{known}{absolute_path(store)}"
 
 
 def places(stores: Sequence[Path]) -> list[Path]:
@@ -53,7 +61,7 @@ def places(stores: Sequence[Path]) -> list[Path]:
         UsageError: if there are no stores, if one is named twice, also through a link, or if a
             path is not UTF-8.
     """
-    paths = [Path(os.path.abspath(store)) for store in stores]
+    paths = list(map(absolute_path, stores))
     if not paths:
         raise UsageError("no store is named, valid: stores, or one index file")
     for path in paths:
@@ -62,7 +70,7 @@ def places(stores: Sequence[Path]) -> list[Path]:
         except UnicodeEncodeError:
             what = "an index keeps paths as text, and this one is not UTF-8"
             raise UsageError(f"store {shown(str(path))}: {what}; rename it") from None
-    real = [os.path.realpath(path) for path in paths]
+    real = list(map(real_path, paths))
     for path, target in zip(paths, real, strict=True):
         if real.count(target) > 1:
             raise UsageError(f"store {path} is named {real.count(target)} times, valid: each once")
@@ -91,7 +99,7 @@ def build(
     started = time.monotonic()
     paths, place = places(stores), Path(os.path.realpath(out))
     for path in paths:
-        if path.resolve() in (place, *place.parents):
+        if real_path(path) in (place, *place.parents):
             raise UsageError(f"index {out}: it would lie in the store {path}; choose another file")
     states = [state_of(path) for path in paths if read_attributes(path)]
     sources = [IndexSource(path) for path in paths]

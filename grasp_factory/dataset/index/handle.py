@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.dataset.annotations import Annotation, AnnotationLog
 from grasp_factory.dataset.index import histograms, updating
 from grasp_factory.dataset.index.building import set_annotation
@@ -88,7 +89,7 @@ class Index:
                 span = (row_id(number, 0), row_id(number + 1, 0))
                 rows = connection.execute(counts[0], span).fetchone()[0]
                 committed = connection.execute(counts[1], ("committed", *span)).fetchone()[0]
-                where = Path(path)
+                where = store_path(path)
                 store = IndexedStore(
                     id=number, path=where, name=where.name, rows=rows, committed=committed
                 )

@@ -6,6 +6,7 @@ import json
 import sqlite3
 from pathlib import Path
 
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.dataset.annotations import AnnotationLog
 from grasp_factory.dataset.index.building import add_blocks, add_store, annotate, remove_rows
 from grasp_factory.dataset.index.database import row_id
@@ -21,7 +22,7 @@ def stale_stores(connection: sqlite3.Connection) -> list[tuple[int, Path]]:
     stored = connection.execute("SELECT id, path, state, annotations FROM stores ORDER BY id")
     out = []
     for number, text, state, log_state in stored.fetchall():
-        path = Path(text)
+        path = store_path(text)
         said = json.dumps(AnnotationLog(path).state())
         if state is None or state != state_of(path) or said != log_state:
             out.append((number, path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.place import place_of
 from grasp_factory.dataset.snapshots.snapshot import is_sha256
 from grasp_factory.dataset.snapshots.snapshot_folder import SnapshotFolder
@@ -22,7 +23,7 @@ def open_version(text: str) -> Version:
         UsageError: if there is no such store or snapshot.
         StoreError: if it is damaged.
     """
-    path = Path(text)
+    path = store_path(text)
     if path.is_dir():
         return PresentVersion(path)
     if path.is_file():
@@ -30,7 +31,7 @@ def open_version(text: str) -> Version:
     store, at, prefix = text.rpartition("@")
     if not at:
         raise StoreMismatchError(f"there is no store and no snapshot at {text}")
-    return stored_version(SnapshotFolder.of(Path(store)), prefix)
+    return stored_version(SnapshotFolder.of(store_path(store)), prefix)
 
 
 def stored_version(folder: SnapshotFolder, prefix: str) -> StoredVersion:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.core.geometry import Array
+from grasp_factory.core.object_storage.address import real_path
 from grasp_factory.core.real_columns import SOURCE, Source
 from grasp_factory.core.schema import Field
 from grasp_factory.core.sensors import series_groups
@@ -238,7 +238,7 @@ def select(chosen: Sequence[tuple[EpisodeSource, Sequence[int]]]) -> Selection:
 
 def _check_named_once(stores: Sequence[Path]) -> None:
     """Check that no store is named twice, also by another path."""
-    places = [os.path.realpath(store) for store in stores]
+    places = list(map(real_path, stores))
     for k, store in enumerate(stores):
         if places[k] in places[:k]:
             raise UsageError(f"{store}: the store is named twice; name each store once")

@@ -21,7 +21,7 @@ from zarr.core.chunk_key_encodings import V2ChunkKeyEncoding
 from zarr.core.metadata import ArrayV3Metadata
 
 from grasp_factory.core.limits import CHUNK
-from grasp_factory.errors import RefusedFileError, StoreError
+from grasp_factory.errors import NO_DAMAGE, StoreError
 from grasp_factory.writers.zarr.chunks import ShardFile, unpack, unpack_equal_words, unpack_words
 from grasp_factory.writers.zarr.header import first_line, place_in, read_array
 
@@ -181,7 +181,7 @@ class _OurFiles(StoredArray, ABC):
 
     def _named(self, error: Exception, start: int, stop: int) -> Exception:
         """Return the error to raise; decoders raise many types for damaged bytes."""
-        if isinstance(error, RefusedFileError):
+        if isinstance(error, NO_DAMAGE):
             return error
         array = self.zarr
         what = f"{array.path} of episodes {start} to {stop - 1} cannot be read"

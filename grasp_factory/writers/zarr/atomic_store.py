@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import AsyncIterator, Iterable
 
 from zarr.abc.store import (
@@ -17,7 +16,6 @@ from zarr.core.buffer import Buffer, BufferPrototype, default_buffer_prototype
 from grasp_factory.core.limits import CHUNK
 from grasp_factory.core.place import Place
 from grasp_factory.core.place_tree import files_below
-from grasp_factory.core.regular_file import read_part
 
 
 class AtomicStore(Store):
@@ -57,15 +55,17 @@ class AtomicStore(Store):
         """
         file = self.place / key
         try:
-            descriptor, size = file.parent.open_file(file.name)
+            if byte_range is None:
+                return file.read_bytes(CHUNK)
+            opened = file.parent.open_parts(file.name)
+            start, stop = _part(opened.size, byte_range)
         except (FileNotFoundError, NotADirectoryError):
             return None
         try:
-            start, stop = _part(size, byte_range)
             CHUNK.check(stop - start, file)
-            return read_part(descriptor, stop - start, start)
+            return opened.read(stop - start, start)
         finally:
-            os.close(descriptor)
+            opened.close()
 
     async def get(
         self,

@@ -6,7 +6,6 @@ outside of the array that is filled.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from typing import Any, Self
 
@@ -88,18 +87,18 @@ class ShardFile:
             StoreError: if it is no regular file.
             ValueError: if its index does not match its checksum.
         """
-        self._descriptor, self._bytes = folder.open_file(name)
+        self._file = folder.open_parts(name)
         try:
             self._index = self._read_index(chunks)
         except BaseException:
-            os.close(self._descriptor)
+            self._file.close()
             raise
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        os.close(self._descriptor)
+        self._file.close()
 
     def read(self, chunk: int, out: NDArray[Any]) -> bool:
         """Decompress a chunk into ``out``; return whether it was ever written.
@@ -112,7 +111,7 @@ class ShardFile:
             return False
         if offset + length > self._data_bytes or length > _most_compressed(out.nbytes):
             raise ValueError(f"a chunk at {offset} of {length} bytes, valid: {self._data_bytes}")
-        unpack(os.pread(self._descriptor, length, offset), out)
+        unpack(self._file.read(length, offset), out)
         return True
 
     def chunk_lengths(self, chunk_bytes: int) -> NDArray[np.uint64]:
@@ -144,17 +143,17 @@ class ShardFile:
         """
         for start in range(0, self._data_bytes, size):
             length = min(size, self._data_bytes - start)
-            part = os.pread(self._descriptor, length, start)
+            part = self._file.read(length, start)
             if len(part) != length:
                 raise ValueError("a shard that has become shorter")
             yield part
 
     def _read_index(self, chunks: int) -> list[list[int]]:
         length = 16 * chunks + _CHECKSUM_BYTES
-        self._data_bytes = self._bytes - length
+        tail = self._file.tail(length)
+        self._data_bytes = self._file.size - length
         if self._data_bytes < 0:
             raise ValueError(f"a shard without an index of {length} bytes")
-        tail = os.pread(self._descriptor, length, self._data_bytes)
         index, stored = tail[:-_CHECKSUM_BYTES], tail[-_CHECKSUM_BYTES:]
         if google_crc32c.value(index) != int.from_bytes(stored, "little"):
             raise ValueError("a shard whose index does not match its checksum")

@@ -22,7 +22,7 @@ from numpy.typing import DTypeLike, NDArray
 from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import SEGMENT
 from grasp_factory.core.place import Place, fsync_places
-from grasp_factory.errors import RefusedFileError
+from grasp_factory.errors import NO_DAMAGE
 from grasp_factory.writers.zarr.budgets import TextBudget
 from grasp_factory.writers.zarr.layout import MOST_DIGITS
 
@@ -88,7 +88,7 @@ class Segment:
                 _check_directory(file)
                 with ZipFile(file) as members:
                     return take(members)
-        except RefusedFileError:
+        except NO_DAMAGE:
             raise
         except Exception:  # zipfile and numpy raise any exception at damaged bytes
             return None

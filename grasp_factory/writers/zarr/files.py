@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from grasp_factory.core.object_storage.address import is_remote
 from grasp_factory.core.os_errors import MACHINE_ERRNOS
 from grasp_factory.errors import StoreError, StoreMismatchError
 
@@ -16,6 +17,8 @@ def locate(path: Path) -> Path:
         StoreMismatchError: if the path cannot lead anywhere: a circle of links, a name that is too
             long, a directory that may not be entered, the root.
     """
+    if is_remote(path):
+        return path
     try:
         target = Path(os.path.realpath(path))  # raises nothing for a loop; stat does
         os.stat(target)

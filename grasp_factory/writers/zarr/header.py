@@ -22,10 +22,17 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import DOCUMENT
 from grasp_factory.core.machine import platform_facts
+from grasp_factory.core.object_storage.address import is_remote
 from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.core.schema import FORMAT, FORMAT_VERSION, Field
-from grasp_factory.errors import RefusedFileError, StoreError, StoreMismatchError
+from grasp_factory.errors import (
+    NO_DAMAGE,
+    RefusedFileError,
+    StorageError,
+    StoreError,
+    StoreMismatchError,
+)
 from grasp_factory.writers.zarr.atomic_store import AtomicStore
 from grasp_factory.writers.zarr.bounded_codecs import bounded
 from grasp_factory.writers.zarr.budgets import check_whole
@@ -80,10 +87,16 @@ def read_attributes(path: Path) -> dict[str, Any]:
         StoreError: if the store's metadata is damaged.
     """
     locate(path)
+    if is_remote(path):  # it has no directories
+        return _root_attributes(path)
     if not path.exists():
         raise StoreMismatchError(f"there is no store at {path}")
     if not path.is_dir():
         raise StoreMismatchError(f"{path} is a file, not a grasp-factory store")
+    return _root_attributes(path)
+
+
+def _root_attributes(path: Path) -> dict[str, Any]:
     try:
         metadata = parsed((place_of(path) / "zarr.json").read_bytes(DOCUMENT))
         attributes = metadata["attributes"]
@@ -122,7 +135,7 @@ def open_store(path: Path, mode: Literal["r", "r+"]) -> tuple[zarr.Group, Factor
         config = FactoryConfig.from_plain(attributes["config"])
         store = AtomicStore(place_of(path), read_only=mode == "r")
         return zarr.open_group(store, mode=mode, zarr_format=3), config
-    except RefusedFileError:
+    except NO_DAMAGE:
         raise
     except Exception as error:  # Zarr raises any exception at damaged metadata
         raise StoreError(f"{path} is damaged: {first_line(error)}") from None
@@ -184,7 +197,7 @@ def open_array(root: zarr.Group, path: str) -> zarr.Array[Any]:
     except (FileNotFoundError, NotADirectoryError):
         what = f"array {path}: zarr.json is missing; run grasp-factory verify on it, and repair"
         raise StoreError(f"{_where(root)} is damaged: {what}") from None
-    except RefusedFileError:
+    except NO_DAMAGE:
         raise
     except Exception as error:  # Zarr raises any exception at damaged metadata
         what = f"array {path}: zarr.json is invalid: {first_line(error)}"
@@ -220,6 +233,8 @@ def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:
     try:
         with ending_failed_reads():
             return np.asarray(array[selection])
+    except StorageError:
+        raise
     except Exception as error:  # decoders raise any exception at damaged bytes
         what = f"{array.path}{_span(selection)} cannot be read: {first_line(error)}"
     # Not in the handler above: the error would keep what the decoders have read in memory.

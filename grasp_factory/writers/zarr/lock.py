@@ -16,6 +16,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Self
 
+from grasp_factory.core.object_storage.address import on_disk
 from grasp_factory.errors import StaleLockWarning, StoreBusyError
 from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.lock_file import LockFile
@@ -37,7 +38,7 @@ class _Lock(ABC):
         Raises:
             StoreMismatchError: if the path cannot lead to a store.
         """
-        self._path = path
+        self._path = on_disk(path)
         whole = locate(path)  # links to one store lead to one lock
         self._stem = whole.with_name(f".{whole.name}.grasp-factory")
         self.file = Path(f"{self._stem}.lock")
