@@ -14,6 +14,7 @@ GraspFactoryError
 │       └── LimitError          a part of a store that is larger than a limit
 ├── RecipeError                 a recipe that cannot be built; the episode is quarantined
 ├── StorageError                object storage that does not answer, or refuses access
+│   └── AccessRefusedError      the credentials are wrong, or have expired
 ├── CaptureError                a device, a recording or a calibration that cannot be used
 ├── WorkerError                 a worker process died; committed episodes stay
 └── FailuresError               too many episodes are quarantined
@@ -103,6 +104,10 @@ class LimitError(RefusedFileError):
 
 class StorageError(GraspFactoryError):
     """Object storage does not answer, answers nonsense, or refuses access; nothing is damaged."""
+
+
+class AccessRefusedError(StorageError):
+    """Object storage refuses the credentials of the environment, or they have expired."""
 
 
 class RecipeError(GraspFactoryError):

@@ -24,7 +24,7 @@ from grasp_factory.core.directories import Root, walk
 from grasp_factory.core.file_parts import FileParts
 from grasp_factory.core.limits import DEPTH, Limit
 from grasp_factory.core.object_storage.address import RemotePath
-from grasp_factory.core.regular_file import check_inside, check_parts, irregular, read_part
+from grasp_factory.core.regular_file import check_inside, check_parts, irregular
 
 _READ = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 _CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -109,12 +109,9 @@ class Place:
 
     def read_file(self, name: str, limit: Limit) -> bytes:
         """Return the content of a file in a directory, as ``read_bytes`` of its place."""
-        descriptor, size = self.open_file(name)
-        try:
-            limit.check(size, self / name if size > limit.usual else self)
-            return read_part(descriptor, size)
-        finally:
-            os.close(descriptor)
+        with contextlib.closing(self.open_parts(name)) as file:
+            limit.check(file.size, self / name if file.size > limit.usual else self)
+            return file.read(file.size, 0)
 
     def stat(self) -> os.stat_result:
         """Return the facts of a file or directory."""
@@ -255,16 +252,14 @@ class Place:
         An error because a link has this name is explained.
         """
         folder, _, leaf = self.inner.rpartition("/")
-        descriptor = None
-        try:
-            descriptor = walk(self.root.descriptor, folder)
-            yield descriptor, leaf or "."
-        except OSError as error:
-            self._explain(error)
-            raise
-        finally:
-            if descriptor is not None:
-                os.close(descriptor)
+        with contextlib.ExitStack() as stack:
+            try:
+                descriptor = walk(self.root.descriptor, folder)
+                stack.callback(os.close, descriptor)
+                yield descriptor, leaf or "."
+            except OSError as error:
+                self._explain(error)
+                raise
 
     def _explain(self, error: OSError) -> None:
         """Raise an error that names the link, or the irregular file, that has caused this one.
@@ -291,9 +286,7 @@ def place_at(path: Path) -> Place:
     Raises:
         OSError: if there is no such directory.
     """
-    if isinstance(path, RemotePath):
-        return path.parent.place() / path.name
-    return Place(Root(path.parent), path.name)
+    return place_of(path.parent) / path.name
 
 
 def place_of(store: Path) -> Place:

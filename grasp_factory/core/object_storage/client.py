@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 from grasp_factory.core.object_storage.address import RemotePath
 from grasp_factory.core.optional import require
-from grasp_factory.errors import StorageError
+from grasp_factory.errors import AccessRefusedError, StorageError
 
 if TYPE_CHECKING:
     from obstore.store import ObjectStore
@@ -97,11 +97,22 @@ def explained(path: object) -> Iterator[None]:
             raise StorageError(f"{path}: there is no such bucket") from None
         raise FileNotFoundError(2, "no such object", str(path)) from None
     except Exception as error:
-        from obstore.exceptions import BaseError  # noqa: PLC0415
+        from obstore import exceptions  # noqa: PLC0415
 
-        if not isinstance(error, BaseError):
+        if not isinstance(error, exceptions.BaseError):
             raise
-        raise StorageError(f"{path}: {_reason(type(error).__name__, str(error))}") from None
+        if isinstance(error, exceptions.AlreadyExistsError | exceptions.PreconditionError):
+            raise FileExistsError(17, "an object is there", str(path)) from None
+        kind, text = type(error).__name__, str(error)
+        meant = AccessRefusedError if _is_refusal(kind, text) else StorageError
+        raise meant(f"{path}: {_reason(kind, text)}") from None
+
+
+def _is_refusal(kind: str, text: str) -> bool:
+    """Return whether an error is about the credentials."""
+    status = _STATUS.search(text)
+    is_named = kind in ("PermissionDeniedError", "UnauthenticatedError")
+    return is_named or bool(status and status[1] in ("400", "401", "403"))
 
 
 def _reason(kind: str, text: str) -> str:
@@ -109,8 +120,7 @@ def _reason(kind: str, text: str) -> str:
     status, code = _STATUS.search(text), _CODE.search(text)
     got = " ".join(found[1] for found in (status, code) if found)
     what = f" ({got})" if got else ""
-    is_refused = kind in ("PermissionDeniedError", "UnauthenticatedError")
-    if is_refused or (status and status[1] in ("400", "401", "403")):
+    if _is_refusal(kind, text):
         return f"access was refused{what}; check the credentials in the environment and their date"
     if status:
         return f"the server answered with an error{what} after all repetitions; try again later"

@@ -144,6 +144,25 @@ class Objects:
                     raise StorageError(f"{self.path}: an object has the name {shown(key)}")
                 yield _facts(key, meta)
 
+    def put(self, key: str, data: bytes) -> None:
+        """Write an object that is not there yet; see ``put_once``.
+
+        Raises:
+            FileExistsError: if one is there.
+            StorageError: if the server does not answer, or refuses; it may have written it.
+        """
+        from obstore import put  # noqa: PLC0415
+
+        with explained(self.path / key):
+            put(self._client(), key, data, mode="create", use_multipart=False)
+
+    def remove(self, key: str) -> None:
+        """Remove an object; see ``get``."""
+        from obstore import delete  # noqa: PLC0415
+
+        with explained(self.path / key):
+            delete(self._client(), key)
+
     def mark(self, facts: ObjectFacts) -> int:
         """Return a number of 126 bits that changes when an object is written again.
 
