@@ -121,6 +121,10 @@ class GraspDataset(TorchDataset[Example]):
         _check_number("epoch", epoch, 0)
         self._epoch.fill_(epoch)
 
+    def __repr__(self) -> str:
+        names = ", ".join([*self._reader.uses, "success", "row"])
+        return f"GraspDataset({str(self._reader.dataset.path)!r}): {len(self)} examples of {names}"
+
     def __len__(self) -> int:
         """Return the number of examples."""
         return len(self._grasps)

@@ -15,9 +15,9 @@ from grasp_factory.objects.importing import FolderReport, import_folder
 from grasp_factory.robots import ROBOTS
 
 WARNINGS = 10
+"""Objects whose warnings are printed before a run; `grasp-factory objects` prints all."""
 _LONGEST_STEM = 48
 """Bytes of the folder's name in the name of its set."""
-"""Objects whose warnings are printed before a run; `grasp-factory objects` prints all."""
 
 
 def import_for(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderReport:
@@ -44,6 +44,8 @@ def import_usable(path: Path, robot: str, taken: Iterable[str] = ()) -> FolderRe
         UsageError: for a folder that cannot be imported or has no usable object.
     """
     report = import_for(path, robot, taken)
+    for warning in report.warnings:
+        say(f"{path}: {warning}", err=True)
     for refusal in report.refused:
         say(f"{path}: {refusal.file} is skipped: {refusal.reason}", err=True)
     warned = [(item.file, "; ".join(item.warnings)) for item in report.usable if item.warnings]

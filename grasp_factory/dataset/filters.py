@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.schema import Field
-from grasp_factory.core.serialization import is_number
+from grasp_factory.core.serialization import is_integer, is_number
 from grasp_factory.core.splits import SPLITS
 from grasp_factory.errors import UsageError, lookup, shown, unknown_value
 
@@ -118,6 +118,9 @@ def _stored(row: Field, name: str, value: Any) -> Any:
     """Return ``value`` as the column stores it: a code for a name of coded values."""
     if row.names and isinstance(value, str):
         return lookup({word: code for code, word in enumerate(row.names)}, name, value)
+    if row.names and is_integer(value) and not 0 <= value < len(row.names):
+        valid = f"a code from 0 to {len(row.names) - 1}, or its word: {', '.join(row.names)}"
+        raise UsageError(f"where: {name}: got {shown(value)}, valid: {valid}")
     if np.asarray(value).dtype.kind not in _KINDS.get(row.dtype, "iuf"):
         more = "" if row.names or row.dtype in _KINDS else ", or Range(at_least, below)"
         raise UsageError(f"where: {name}: got {shown(value)}, valid: {row.dtype}{more}")

@@ -85,6 +85,8 @@ class TestByIndex:
             dataset = GraspDataset(path, uses=uses, crop=SMALL, touch=TouchWindow())
             usable = dataset.rows
             assert len(usable) == len(dataset) > 4
+            names = ", ".join([*uses, "success", "row"])
+            assert repr(dataset).endswith(f": {len(dataset)} examples of {names}")
             check((dataset[i] for i in range(len(dataset))), plain(path, usable, uses))
             check(dataset.__getitems__([3, 0, 3, -1]), plain(path, usable[[3, 0, 3, -1]], uses))
 

@@ -301,6 +301,7 @@ def test_where_picks_the_committed_rows_that_match(dataset: Dataset, conditions:
     ("conditions", "message"),
     [
         ({"outcome": "missed"}, "unknown outcome 'missed' (valid: "),
+        ({"outcome": 77}, "where: outcome: got 77, valid: a code from 0 to 10, or its word: succ"),
         ({"success": "yes"}, "where: success: got 'yes', valid: bool"),
         ({"success": 1}, "where: success: got 1, valid: bool"),
         ({"policy": 3}, "where: policy: got 3, valid: string"),

@@ -746,6 +746,12 @@ class TestCommands:
                 " for any of them",
             ),
             (["row=1", "row=2"], "row='1' and row='2': no row has both, valid: row=[1,2] for any"),
+            (["row>5", "row<3", "row<9"], "row>5 and row<3: no number is both"),
+            (
+                ["lift_height=(0.1, 0.2)"],
+                "lift_height=: got '(0.1, 0.2)', valid: a number; for a range two conditions:"
+                " 'lift_height>=0.1' 'lift_height<=0.2'",
+            ),
             (["lift>0"], "unknown column 'lift'; did you mean 'lift_height'? (valid: "),
         ],
     )

@@ -307,6 +307,13 @@ class TestSettings:
         report = imported(folder, objects_yml="defaults: {mass: 0.1}")
         assert "settings are looked for in objects.yaml" in report.warnings[0]
 
+    def test_a_mesh_of_another_format_is_named(self, folder: Path) -> None:
+        report = imported(folder, ball_glb="x", deep__b_GLTF="x", notes_txt="x")
+        assert report.warnings == (
+            "ball.glb and 1 more are not read: convert to one of obj, stl, ply, urdf",
+        )
+        assert report.refused == ()
+
     def test_settings_behind_a_link_are_not_read(self, folder: Path) -> None:
         (folder / "objects.yaml").symlink_to("/etc/hostname")
         with pytest.raises(ConfigError, match=r"objects.yaml: it cannot be read"):

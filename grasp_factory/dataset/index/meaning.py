@@ -20,8 +20,10 @@ def check_found(index: Index, query: Query) -> None:
 
     Raises:
         UnknownNameError: for a word that no row has, naming the nearest and the valid ones.
-        UsageError: for several values of a column of which each row has one.
+        UsageError: for several values of a column of which each row has one, and for bounds between
+            which there is no number.
     """
+    _check_ranges(query)
     asked: dict[str, list[Condition]] = {}
     for condition in query.conditions:
         if condition.operator == "=":
@@ -45,6 +47,28 @@ def _check_agree(asked: Mapping[str, list[Condition]]) -> None:
             got = " and ".join(f"{name}={shown(text)}" for text in texts)
             valid = f"{name}=[{','.join(texts)}] for any of them"
             raise UsageError(f"{got}: no row has both, valid: {valid}")
+
+
+def _check_ranges(query: Query) -> None:
+    """Check that a number can be above all lower bounds of its column and below all upper ones."""
+    lows: dict[str, list[Condition]] = {}
+    highs: dict[str, list[Condition]] = {}
+    for condition in query.conditions:
+        if BY_NAME[condition.column].kind in ("number", "whole"):
+            sides = {">": lows, ">=": lows, "<": highs, "<=": highs}
+            if condition.operator in sides:
+                sides[condition.operator].setdefault(condition.column, []).append(condition)
+    for name in lows.keys() & highs.keys():
+        low, high = max(lows[name], key=_bound), min(highs[name], key=_bound)
+        if _bound(low) > _bound(high):
+            got = " and ".join(f"{name}{one.operator}{one.values[0]}" for one in (low, high))
+            raise UsageError(f"{got}: no number is both")
+
+
+def _bound(condition: Condition) -> float:
+    (bound,) = condition.values
+    assert isinstance(bound, int | float)
+    return float(bound)
 
 
 def _has(index: Index, column: str, value: str) -> bool:

@@ -39,6 +39,8 @@ OPERATORS: Mapping[str, tuple[str, ...]] = {
 _CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(!=|<=|>=|=|<|>|~)(.*)", re.DOTALL)
 _TIME = re.compile(r"\d{4}(-\d\d(-\d\d([T ]\d\d(:\d\d(:\d\d(Z|\+00:00)?)?)?)?)?)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_RANGE = re.compile(r"[\[(]?\s*([-+.0-9eE]+?)\s*(?:,|:|\.\.)\s*([-+.0-9eE]+)\s*[\])]?")
+"""What users write for a range of numbers."""
 _WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
 _BOOLS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
@@ -207,9 +209,17 @@ def _number(column: IndexColumn, operator: str, value: Value) -> Value:
     except OverflowError:
         good = False
     if not good:
-        raise _wrong(column, operator, value, "a number")
+        raise _wrong(column, operator, value, f"a number{_range_hint(column, value)}")
     assert value is not None
     return value if isinstance(value, int) and abs(value) < 2**63 else float(value)
+
+
+def _range_hint(column: IndexColumn, value: Value) -> str:
+    """Return how to ask for a range, if a value looks like one; empty otherwise."""
+    found = _RANGE.fullmatch(value) if isinstance(value, str) else None
+    if not found:
+        return ""
+    return f"; for a range two conditions: '{column.name}>={found[1]}' '{column.name}<={found[2]}'"
 
 
 def _bool(column: IndexColumn, operator: str, value: Value) -> Value:

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 from grasp_factory.errors import UsageError
 from grasp_factory.objects.importing.base import Refusal, UnusableError
-from grasp_factory.objects.importing.file_kinds import SUFFIXES
+from grasp_factory.objects.importing.file_kinds import OTHER_SUFFIXES, SUFFIXES
 
 SETTINGS_FILE = "objects.yaml"
 NOT_SETTINGS = f"objects.yml is not read: settings are looked for in {SETTINGS_FILE}"
@@ -40,6 +40,7 @@ def list_files(root: Path) -> Listing:
         UsageError: if the folder cannot be read, or holds more than ``MAX_ENTRIES``.
     """
     files: list[str] = []
+    others: list[str] = []
     refused: list[Refusal] = []
     try:
         for seen, (path, entry) in enumerate(_walk(root, "", 0, refused)):
@@ -51,10 +52,20 @@ def list_files(root: Path) -> Listing:
                     refused.append(Refusal(file=path, reason=reason))
                 else:
                     files.append(path)
+            elif suffix(path) in OTHER_SUFFIXES:
+                others.append(path)
     except OSError as error:
         raise UsageError(f"the folder {root} cannot be read: {error.strerror}") from None
     warnings = (NOT_SETTINGS,) if os.path.lexists(root / "objects.yml") else ()
+    if others:
+        warnings = (*warnings, _not_read(sorted(others)))
     return Listing(tuple(sorted(files)), tuple(refused), warnings)
+
+
+def _not_read(files: Sequence[str]) -> str:
+    """Return a warning of files in formats that are not read."""
+    named = f"{files[0]} is" if len(files) == 1 else f"{files[0]} and {len(files) - 1} more are"
+    return f"{named} not read: convert to one of {', '.join(SUFFIXES)}"
 
 
 def suffix(path: str) -> str:
