@@ -10,9 +10,9 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, TypeAlias
+from typing import IO, Any, TypeAlias
 
 from mcap.records import (
     Attachment,
@@ -28,7 +28,9 @@ from mcap.records import (
 )
 from mcap.stream_reader import StreamReader, breakup_chunk
 
+from grasp_factory.capture.reading_budget import CountedReads, ReadingBudget
 from grasp_factory.capture.samples import DeviceKind
+from grasp_factory.capture.session.mcap_scan import expanded
 from grasp_factory.core.limits import CHUNK
 from grasp_factory.core.place import place_of
 from grasp_factory.errors import CaptureError, GraspFactoryError, shown
@@ -43,6 +45,8 @@ SESSION_METADATA = "grasp_factory.session"
 """Name of the metadata record that has the settings."""
 EVENTS_TOPIC = "/events"
 _MOST_CHANNELS = 1000
+_RECORD_HEAD = 9
+"""Bytes of a record's opcode and length."""
 _KINDS: Mapping[str, DeviceKind] = {kind.name.lower(): kind for kind in DeviceKind}
 
 SessionRecord: TypeAlias = Header | Schema | Channel | Message | Attachment | Metadata
@@ -151,16 +155,36 @@ class SessionReader:
 
     def _every_record(self) -> Iterator[McapRecord]:
         self.stream.seek(0)
+        budget = ReadingBudget(self.stream.fileno(), self.path)
+        counted: Any = CountedReads(self.stream.read, budget, self.size)
         reader = StreamReader(
-            self.stream, emit_chunks=True, validate_crcs=True, record_size_limit=CHUNK.most
+            counted, emit_chunks=True, validate_crcs=True, record_size_limit=CHUNK.most
         )
         for record in reader.records:
             self.position = self.stream.tell()
             if isinstance(record, Chunk):
                 CHUNK.check(record.uncompressed_size, f"{self.path}, expanded")
-                yield from breakup_chunk(record, validate_crc=True)
+                yield from _records_in(record, budget)
             else:
                 yield record
+
+
+def _records_in(chunk: Chunk, budget: ReadingBudget) -> list[McapRecord]:
+    """Return the records of a chunk; they are counted before they are in memory.
+
+    Raises:
+        ValueError: for a chunk that is damaged, or compressed as no session is.
+        LimitError: for far more records, or expanded bytes, than a session has.
+    """
+    budget.expand(chunk.uncompressed_size if chunk.compression else 0)
+    content = expanded(chunk.data, chunk.compression, chunk.uncompressed_size)
+    at = 0
+    while at < len(content):
+        budget.count()
+        at += _RECORD_HEAD + int.from_bytes(content[at + 1 : at + _RECORD_HEAD], "little")
+    plain = replace(chunk, compression="", data=content)
+    records: list[McapRecord] = breakup_chunk(plain, validate_crc=True)
+    return records
 
 
 @contextlib.contextmanager

@@ -81,6 +81,7 @@ OBJECT = Limit("object", 2**30, "an object")
 LISTED = Limit("listed", 5_000_000, "a number of listed objects", is_count=True)
 LABELS = Limit("labels", 100, "a number of added labels", is_count=True)
 SIMULATIONS = Limit("simulations", 1000, "a number of rows to simulate again", is_count=True)
+LOST = Limit("lost", 30, "a number of lost rows beyond that of whole ones", is_count=True)
 MEMORY = Limit("memory", 768 * 2**20, "the memory of a simulation from a store's recipe")
 CPU = Limit("seconds", 8, "the CPU time of a simulation from a store's recipe", is_count=True)
 IMPORT_MEMORY = Limit("import-memory", 2**30, "the memory of an import", source="file")
@@ -93,6 +94,11 @@ SESSION_FILE = Limit("session-file", 64 * 2**30, "a file of a session", source="
 SESSION_CPU = Limit(
     "session-seconds", 86_400, "the CPU time to read a session", is_count=True, source="session"
 )
+EXPANDED = Limit("expanded", 2**30, "data beyond 200 times the bytes on the disk", source="session")
+RECORDS = Limit(
+    "records", 100_000, "a number of records beyond one in 8 bytes on the disk", is_count=True,
+    source="session",
+)  # fmt: skip
 MODEL = Limit("model", 256 * 2**20, "a model", source="model")
 LIMITS = {
     limit.name: limit
@@ -118,6 +124,7 @@ LIMITS = {
         LISTED,
         LABELS,
         SIMULATIONS,
+        LOST,
         MEMORY,
         CPU,
         IMPORT_MEMORY,
@@ -126,6 +133,8 @@ LIMITS = {
         SESSION_MEMORY,
         SESSION_FILE,
         SESSION_CPU,
+        EXPANDED,
+        RECORDS,
         MODEL,
     )
 }

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from grasp_factory.core.disk_usage import bytes_on_disk
 from grasp_factory.core.limits import DOCUMENT, SIGNED
 from grasp_factory.core.place import Place, fsync_places, place_of
 from grasp_factory.core.place_tree import files_below
@@ -34,8 +35,6 @@ _DESCRIPTION = "SHA-256 of every other file of this store, and an SSH signature 
 _SIGNER = "signer"
 _KEY = re.compile(r"(sk-)?(ssh|ecdsa)-[a-z0-9@.-]+ [A-Za-z0-9+/=]+")
 _PART = 2**20
-_BLOCK_BYTES = 512
-"""What ``st_blocks`` counts, on every file system."""
 _LARGE, _MOST_SPARSE = 64 * 2**20, 64
 
 
@@ -175,7 +174,7 @@ def _check_dense(descriptor: int, file: Place) -> None:
         StoreError: if it is large, and nearly all of it is not on the disk.
     """
     found = os.fstat(descriptor)
-    stored = found.st_blocks * _BLOCK_BYTES
+    stored = bytes_on_disk(found)
     if found.st_size > _LARGE and stored < found.st_size // _MOST_SPARSE:
         what = f"{size_text(found.st_size)}, of which {size_text(stored)} are on the disk"
         raise StoreError(f"{file} has {what}, and no store has such a file: remove it")

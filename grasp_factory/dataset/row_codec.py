@@ -148,6 +148,11 @@ def fixed(value: Any) -> NDArray[Any]:
     return np.array(array.tolist(), np.str_) if array.dtype.kind == "T" else array
 
 
+def text_of(row: Mapping[str, NDArray[Any]], path: str) -> str:
+    """Return a text of a row; empty if the row has none. ``str`` of an array takes far longer."""
+    return str(row[path].item()) if path in row else ""
+
+
 def is_fill(values: NDArray[Any], fill: Any) -> bool:
     """Return whether values equal the fill value bit by bit: NaN has many bit patterns."""
     if values.dtype.kind == "U":

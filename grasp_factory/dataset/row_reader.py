@@ -10,7 +10,7 @@ from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.content_checksum import checksum
 from grasp_factory.core.episode import Episode, EpisodeSpec
-from grasp_factory.dataset.row_codec import Row, assemble, read_rows
+from grasp_factory.dataset.row_codec import Row, assemble, read_rows, text_of
 from grasp_factory.dataset.row_integrity import is_valid_fingerprint, must_have_fingerprints
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.base import Quarantined
@@ -85,9 +85,9 @@ class RowReader:
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise self._damaged(i, f"is damaged: {error}") from None
         found = checksum(content.contents())
-        if found != str(row[schema.CHECKSUM.path]):
+        if found != text_of(row, schema.CHECKSUM.path):
             raise self._damaged(i, "does not match its checksum")
-        text = str(row.get(schema.FINGERPRINT.path, ""))
+        text = text_of(row, schema.FINGERPRINT.path)
         if not is_valid_fingerprint(text, required=self._must_have_fingerprints):
             raise self._damaged(i, f"has a damaged {schema.FINGERPRINT.path}")
         return StoredRow(content=content, checksum=found, fingerprint=text)

@@ -141,6 +141,12 @@ def test_a_wrong_list_is_one_line(text: str, tmp_path: Path) -> None:
         read_cuts(tmp_path / "c.csv")
 
 
+def test_a_list_that_is_no_csv_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "c.csv").write_text("start,end\n" + "0" * 200_000)
+    with pytest.raises(UsageError, match=r"--cuts .*c\.csv cannot be read: field larger than"):
+        read_cuts(tmp_path / "c.csv")
+
+
 def test_too_low_a_quality_is_quarantined_with_the_reason(recorded: Path, tmp_path: Path) -> None:
     strict = from_plain(ImportSettings, {"quality": {"min_score": 5, "min_exposure": 0.9}})
     made = import_session(recorded, tmp_path / "r.zarr", strict)

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 from support.scale import scaled
 
+from grasp_factory.capture.session import mcap_scan
 from grasp_factory.capture.session.mcap_scan import MAGIC, McapScan
 from grasp_factory.capture.session.recovery import recover
 from grasp_factory.capture.session.session_reading import missing, read_event, read_session
-from grasp_factory.errors import CaptureError, GraspFactoryError
+from grasp_factory.capture.session_reader import opened_session
+from grasp_factory.core.limits import RECORDS
+from grasp_factory.errors import CaptureError, GraspFactoryError, LimitError
 
 N = 40
 
@@ -129,6 +135,59 @@ def test_a_hostile_record_ends_the_reading(content: bytes, tmp_path: Path) -> No
     assert not scan.is_complete
 
 
+HEAD = MAGIC + record(1, struct.pack("<II", 0, 0))
+
+
+def read_by_library(folder: Path) -> object:
+    with opened_session(folder) as reader:
+        return list(reader.messages())
+
+
+@pytest.mark.parametrize("read", [read_session, recover, read_by_library])
+@pytest.mark.parametrize("what", ["a file of holes", "a chunk that is compressed"])
+def test_far_more_records_than_bytes_are_refused(
+    tmp_path: Path, what: str, read: Callable[[Path], object]
+) -> None:
+    raw = record(0x80, b"") * (2 * RECORDS.usual)
+    packed = chunk(zstandard.compress(raw), size=len(raw), compression=b"zstd")
+    with (tmp_path / "session.mcap").open("wb") as file:
+        file.write(HEAD)
+        if what == "a file of holes":
+            file.seek(10 * RECORDS.usual)
+        else:
+            file.write(packed + record(2, bytes(20)))
+        file.write(MAGIC)
+    with pytest.raises(LimitError, match="a number of records beyond one in 8 bytes on the disk"):
+        read(tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["session.mcap"]
+
+
+def test_chunks_that_expand_to_gigabytes_are_refused(tmp_path: Path) -> None:
+    size = 125 * 2**20
+    schema, about = struct.pack("<HIII", 1, 0, 0, 0), struct.pack("<HHIII", 1, 1, 0, 0, 0)
+    with (tmp_path / "session.mcap").open("wb") as file:
+        file.write(HEAD + record(3, schema) + record(4, about))
+        for _ in range(10):
+            end = file.tell() + 9 + 40 + size
+            message = record(5, struct.pack("<HIQQ", 1, 0, 0, 0), size - 9)
+            file.write(struct.pack("<BQQQQIIQ", 6, 40 + size, 0, 0, size, 0, 0, size) + message)
+            file.seek(end)
+        file.write(MAGIC)
+    with pytest.raises(LimitError, match=r"data beyond 200 times the bytes on the disk of 1\."):
+        read_session(tmp_path)
+
+
+def test_records_that_would_fill_the_memory_end_the_reading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mcap_scan, "MOST_KEPT", 9000)
+    schemas = b"".join(
+        record(3, struct.pack("<HIII", k, 0, 0, 1000) + bytes(1000)) for k in range(9)
+    )
+    scan, _ = scanned(HEAD + schemas, tmp_path)
+    assert "bytes that are no messages" in scan.trouble
+
+
 def test_what_is_no_session_is_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match=r"is no session: it has no session\.mcap"):
         read_session(tmp_path)
@@ -172,6 +231,18 @@ def test_a_count_that_begins_again_is_no_loss() -> None:
     assert missing(None, 7) == 0
     assert missing(10_000, 0) == 0
     assert missing(5, 5) == 0
+
+
+def repr_of(number: object) -> str:
+    return repr(number)[:10]
+
+
+@pytest.mark.parametrize("key", ["time_ns", "count"])
+@pytest.mark.parametrize("number", [10**400, 2**63, "5", [], 1.5, True], ids=repr_of)
+def test_a_number_that_no_recorder_writes_is_no_event(key: str, number: object) -> None:
+    text = json.dumps({"event": "alarm", key: number}).encode() + b"\0"
+    with pytest.raises(CaptureError, match="is damaged"):
+        read_event(b"\0\1\0\0" + struct.pack("<I", len(text)) + text)
 
 
 @given(st.binary(max_size=60))

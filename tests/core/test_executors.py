@@ -16,7 +16,15 @@ import pytest
 from support import fake_blocks as blocks
 from support.places import TESTS
 
-from grasp_factory.core.executors import InlineExecutor, ProcessExecutor, make_executor, pool
+from grasp_factory.core import disk_usage
+from grasp_factory.core.executors import (
+    InlineExecutor,
+    ProcessExecutor,
+    import_process,
+    make_executor,
+    pool,
+)
+from grasp_factory.core.executors.limited import ProcessLimits
 from grasp_factory.errors import RecipeError, WorkerError
 
 ROOT = TESTS.parent
@@ -43,6 +51,24 @@ def wait_until_gone(pids: list[int]) -> bool:
             return True
         time.sleep(0.05)
     return False
+
+
+def test_the_time_of_an_import_follows_what_is_on_the_disk(tmp_path: Path) -> None:
+    given: list[int] = []
+
+    class Noting(InlineExecutor):
+        def __init__(self, limits: ProcessLimits) -> None:
+            given.append(limits.cpu.usual)
+
+    with (tmp_path / "holes").open("wb") as file:
+        file.truncate(2**40)
+    (tmp_path / "link").symlink_to(__file__)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(import_process, "reading_executor", Noting)
+        for size in (0, 5_000_000, 2_000_000_000):
+            patch.setattr(disk_usage, "bytes_on_disk", lambda _, size=size: size // 4)
+            import_process.in_import_process(blocks.process_id, 0, tmp_path)
+    assert given == [5, 5 + 37, 3600]
 
 
 def test_one_worker_needs_no_pool() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 import warnings
@@ -18,8 +19,8 @@ from grasp_factory.core.config.label import LabelConfig
 from grasp_factory.curation.merge import merge, split
 from grasp_factory.curation.pack import pack_store
 from grasp_factory.curation.relabel import relabel
-from grasp_factory.curation.versions import take_snapshot
-from grasp_factory.curation.versions.origin import read_origin, state_of, write_origin
+from grasp_factory.curation.versions import provenance_tree, take_snapshot
+from grasp_factory.curation.versions.origin import StoreState, read_origin, state_of, write_origin
 from grasp_factory.curation.versions.provenance_tree import provenance_of
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, StoreError, UsageError
@@ -130,7 +131,10 @@ def test_a_forged_origin_is_refused_in_a_line(folder: Path) -> None:
     plain = json.loads(file.read_text())
     for change in (
         {"what": "magic"},
-        {"sources": [plain["sources"][0] | {"store": "../../etc"}]},
+        *(
+            {"sources": [plain["sources"][0] | {"store": n}]}
+            for n in ("../../etc", ".", "..", "\0")
+        ),
         {"rows_sha256": "x"},
         {"more": 1},
     ):
@@ -144,6 +148,32 @@ def test_stores_that_name_each_other_end(tmp_path: Path) -> None:
     write_origin(a, "merge", [state_of(b), state_of(b)])
     write_origin(b, "merge", [state_of(a), state_of(a)])
     assert len(list(provenance_of(a).lines())) == 7
+
+
+def test_a_store_that_is_named_often_is_read_once(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, read = folder / "merged.zarr.origin.json", []
+    plain = json.loads(file.read_text())
+    plain["sources"] = [plain["sources"][0] | {"rows_sha256": "0" * 64}] * 1000
+    file.write_text(json.dumps(plain))
+
+    def counted(path: Path) -> StoreState:
+        read.append(path.name)
+        return state_of(path)
+
+    monkeypatch.setattr(provenance_tree, "state_of", counted)
+    assert len(list(provenance_of(folder / "merged.zarr").lines())) == 1002
+    assert read == ["merged.zarr", "a.zarr"]
+
+
+def test_a_long_chain_of_stores_is_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provenance_tree, "DEEPEST", 2)
+    chain = [make_store(tmp_path / f"{name}.zarr") for name in "abcd"]
+    for store, source in itertools.pairwise(chain):
+        write_origin(store, "merge", [state_of(source)])
+    lines = list(provenance_of(chain[0]).lines())
+    assert [line.count("  ") for line in lines] == [0, 1, 2, 3, 4]
 
 
 def test_another_file_of_that_name_is_left_alone(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import errno
 import json
@@ -46,13 +47,16 @@ from grasp_factory.core.place import place_at, place_of
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.curation.merge import split
 from grasp_factory.curation.repair import rebuild, repair
-from grasp_factory.curation.verify import verify
+from grasp_factory.curation.repair.refusals import check_losses
+from grasp_factory.curation.verify import Problem, verify
+from grasp_factory.curation.verify.blocks import Findings
 from grasp_factory.curation.verify.partial_store import open_pieces
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import (
     GraspFactoryError,
     GraspFactoryWarning,
+    LimitError,
     StoreBusyError,
     StoreError,
     StoreMismatchError,
@@ -198,6 +202,21 @@ def test_missing_rows_are_made(store: Path, copy: Path) -> None:
     assert {made.episode for made in result.remade} == {4, 5, 6, 7}
     assert {made.is_same for made in result.remade} == {None}
     assert_same_tree(store, copy)
+
+
+@pytest.mark.parametrize(("missing", "damaged", "whole", "is_refused"), [
+    (30, 0, 0, False), (31, 0, 0, True), (0, 80, 0, True), (40, 40, 0, True), (40, 40, 50, False),
+    (1001, 0, 5000, True), (600, 600, 5000, True),
+])  # fmt: skip
+def test_far_more_lost_rows_than_whole_ones_are_not_simulated(
+    *, missing: int, damaged: int, whole: int, is_refused: bool
+) -> None:
+    problems = [
+        Problem(episode=row, array="streams/phase", what="does not match") for row in range(damaged)
+    ]
+    found = Findings(committed=damaged + whole, missing=missing, problems=2 * problems)
+    with pytest.raises(LimitError) if is_refused else contextlib.nullcontext():
+        check_losses(Path("s.zarr"), found)
 
 
 def test_what_killed_runs_have_left_is_removed_and_nothing_else(store: Path, copy: Path) -> None:

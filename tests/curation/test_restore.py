@@ -156,7 +156,8 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
         changed_record(format="webdataset"),
         "cannot be imported",
     ),
-    "another number of episodes": (changed_record(episodes=7), "lines for 7"),
+    "another number of episodes": (changed_record(episodes=7), "lines for 7 episodes"),
+    "more lines than episodes": (changed_record(episodes=1), "more lines than 1"),
     "no stores": (changed_record(stores=[]), "is damaged"),
     "stores of nonsense": (changed_record(stores=[{"attributes": 3}]), "is damaged"),
     "no lines": (replaced("grasp_factory_episodes.jsonl", b""), "has 0 lines"),
@@ -173,6 +174,22 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "no recipe": (changed_line(lambda line: line["columns"].pop("spec")), "episode 0 is damaged"),
     "a recipe of nonsense": (
         changed_line(lambda line: line["columns"].update(spec={"seed": 1})),
+        "episode 0 is damaged",
+    ),
+    "columns that are a list": (
+        changed_line(lambda line: line.update(columns=[1])),
+        "episode 0 is damaged",
+    ),
+    "a value that no number has room for": (
+        changed_line(lambda line: line["columns"].update(lift_height=10**400)),
+        "episode 0 is damaged",
+    ),
+    "half of a character": (
+        changed_line(lambda line: line["columns"].update(policy="\ud800")),
+        "episode 0 is damaged",
+    ),
+    "a fingerprint of half a character": (
+        changed_line(lambda line: line.update(fingerprint="\ud800")),
         "episode 0 is damaged",
     ),
     "an unknown outcome": (

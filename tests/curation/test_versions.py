@@ -338,6 +338,8 @@ class TestStrangers:
             ("version", 2),
             ("parent", "short"),
             ("message", "x" * 5000),
+            ("message", ""),
+            ("message", "\n\n"),
             ("created", "yesterday"),
             ("contents", 3),
         ],

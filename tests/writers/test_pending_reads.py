@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import threading
 from pathlib import Path
 
@@ -40,6 +41,32 @@ def test_a_read_that_fails_leaves_no_task_behind(damaged: zarr.Array) -> None:
     with pytest.raises(StoreError, match="cannot be read"):
         read_array(damaged)
     assert not pending()
+
+
+class Content(bytes):
+    """The bytes of a file; counts those that are in memory."""
+
+    alive = 0
+
+    def __init__(self, data: bytes) -> None:
+        Content.alive += 1
+
+    def __del__(self) -> None:
+        Content.alive -= 1
+
+
+def test_a_chunk_that_could_not_be_read_does_not_stay_in_memory(
+    damaged: zarr.Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(AtomicStore, "read", lambda store, key, part=None: Content(b"damaged"))
+    gc.disable()
+    try:
+        for _ in range(3):
+            with pytest.raises(StoreError, match="cannot be read"):
+                read_array(damaged, slice(0, 1))
+        assert Content.alive == 0
+    finally:
+        gc.enable()
 
 
 def test_reads_of_other_threads_are_not_cancelled(damaged: zarr.Array) -> None:

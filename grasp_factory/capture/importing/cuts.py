@@ -116,8 +116,10 @@ def read_cuts(file: Path) -> tuple[Cut, ...]:
             text = stream.read(_MOST_BYTES + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"--cuts {file} cannot be read: {error}") from None
-    rows = csv.reader(text[:_MOST_BYTES].splitlines())
-    head = next(rows, [])
+    try:
+        head, *rows = list(csv.reader(text[:_MOST_BYTES].splitlines())) or [[]]
+    except csv.Error as error:
+        raise UsageError(f"--cuts {file} cannot be read: {error}") from None
     if tuple(head) not in (_COLUMNS[:2], _COLUMNS):
         raise UsageError(f"--cuts {file}: line 1: got {shown(head)}, valid: {','.join(_COLUMNS)}")
     return tuple(_listed(file, number, row) for number, row in enumerate(rows, 2) if row)

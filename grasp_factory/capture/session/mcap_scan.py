@@ -9,25 +9,30 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any, TypeVar
 
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
+from grasp_factory.capture.reading_budget import ReadingBudget
 from grasp_factory.core.regular_file import read_part
 from grasp_factory.errors import CaptureError
 
 MAGIC = b"\x89MCAP0\r\n"
 MOST_RECORD = 16 * 2**20
 """Bytes of a record that is read whole: a schema, a channel, metadata, a calibration file."""
+MOST_KEPT = 64 * 2**20
+"""Bytes of such records together; all of them are in memory."""
 MOST_CHANNELS = 1000
-MOST_CHUNK = 256 * 2**20
+MOST_CHUNK = 128 * 2**20
+"""An image of 8K in colour has 100 MB."""
 _LONGEST_NAME = 32
 _WINDOW = 64 * 1024
 _RECORD = struct.Struct("<BQ")
@@ -115,11 +120,14 @@ class McapScan:
         trouble: why reading stopped before the end; empty if it did not.
     """
 
-    def __init__(self, descriptor: int, *, with_checksums: bool = False) -> None:
+    def __init__(
+        self, descriptor: int, *, with_checksums: bool = False, where: object = "the file"
+    ) -> None:
         """Begin.
 
         Args:
             descriptor: the open file.
+            where: its name in messages.
             with_checksums: read the data of chunks too, and stop at one that is damaged.
 
         Raises:
@@ -136,6 +144,7 @@ class McapScan:
         self.descriptor, self._with_checksums = descriptor, with_checksums
         self.size = os.fstat(descriptor).st_size
         self._file = _FileBytes(descriptor)
+        self._budget, self._kept = ReadingBudget(descriptor, where), 0
         if self.size < len(MAGIC) or self._file.read(0, len(MAGIC)) != MAGIC:
             raise CaptureError("this is no MCAP file; valid: the folder of a session")
 
@@ -147,9 +156,14 @@ class McapScan:
         )
 
     def messages(self) -> Iterator[MessageHead]:
-        """Yield the messages in the order of the file; the attributes are filled meanwhile."""
+        """Yield the messages in the order of the file; the attributes are filled meanwhile.
+
+        Raises:
+            LimitError: for far more records, or expanded bytes, than a session has.
+        """
         at = self.end
         while at < self.size and not self.is_complete:
+            self._budget.count()
             try:
                 opcode, start, size = _record(self._file, at, self.size)
                 if opcode == Opcode.FOOTER:
@@ -171,6 +185,7 @@ class McapScan:
         source, at, end = self._opened_chunk(start, size)
         found = []
         while at < end:
+            self._budget.count()
             opcode, inner, inner_size = _record(source, at, end)
             if opcode == Opcode.MESSAGE:
                 found.append(self._head(source, inner, inner_size))
@@ -191,6 +206,7 @@ class McapScan:
         if at + length != start + size or (not name and length != raw_size):
             raise _DamagedRecordError("a chunk of another size than it says")
         self.is_compressed |= bool(name)
+        self._budget.expand(raw_size if name else 0)
         if not (name or self._with_checksums):
             return self._file, at, at + length
         content = expanded(self._file.read(at, length), name, raw_size)
@@ -226,8 +242,9 @@ class McapScan:
             self.attachments.append(self._parsed(Attachment.read, source, start, size))
 
     def _parsed(self, read: Callable[[Any], R], source: _Bytes, start: int, size: int) -> R:
-        if size > MOST_RECORD:
-            raise _DamagedRecordError(f"a record of {size} bytes")
+        self._kept += size
+        if size > MOST_RECORD or self._kept > MOST_KEPT:
+            raise _DamagedRecordError(f"records of {self._kept} bytes that are no messages")
         return read(ReadDataStream(BytesIO(source.read(start, size))))
 
 
@@ -243,18 +260,34 @@ def _record(source: _Bytes, at: int, end: int) -> tuple[int, int, int]:
 
 
 def expanded(data: bytes, compression: str, size: int) -> bytes:
-    """Return the content of a chunk, at most ``size`` bytes.
+    """Return the content of a chunk, which must have ``size`` bytes if it is compressed.
 
     Raises:
         ValueError: for data that is damaged, or a compression that no session has.
     """
     if not compression:
         return data
-    if compression != "zstd":
-        raise ValueError(f"a chunk with the compression {compression[:20]!r}, valid: zstd or none")
+    if compression not in _DECODERS:
+        raise ValueError(f"a chunk with the compression {compression[:20]!r}, valid: zstd or lz4")
     try:
-        if zstandard.frame_content_size(data) not in (-1, size):
-            raise ValueError("a chunk of another size than it says")
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-    except zstandard.ZstdError as error:
+        content = _DECODERS[compression](data, size)
+    except (RuntimeError, zstandard.ZstdError) as error:
         raise ValueError(f"a damaged chunk: {error}") from None
+    if len(content) != size:
+        raise ValueError("a chunk of another size than it says")
+    return content
+
+
+def _from_zstd(data: bytes, size: int) -> bytes:
+    if zstandard.frame_content_size(data) not in (-1, size):
+        raise ValueError("a chunk of another size than it says")
+    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+
+
+def _from_lz4(data: bytes, size: int) -> bytes:
+    content: bytes = LZ4FrameDecompressor().decompress(data, max_length=size)
+    return content
+
+
+_DECODERS: Mapping[str, Callable[[bytes, int], bytes]] = {"zstd": _from_zstd, "lz4": _from_lz4}
+"""Functions that return at most so many bytes."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -25,6 +24,7 @@ from grasp_factory.capture.session.session_record import (
 from grasp_factory.capture.session.topic_names import EVENTS
 from grasp_factory.core.json_text import parsed
 from grasp_factory.core.place import Place, place_of
+from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import CaptureError
 from grasp_factory.writers.exporters.rosbag.bag_files import ros2_types
 
@@ -136,7 +136,7 @@ def open_scan(file: Place, *, with_checksums: bool = False) -> Iterator[McapScan
     except OSError as error:
         raise CaptureError(f"{file} cannot be read: {error.strerror}; valid: a session") from None
     try:
-        yield McapScan(descriptor, with_checksums=with_checksums)
+        yield McapScan(descriptor, with_checksums=with_checksums, where=file)
     except CaptureError as error:
         raise CaptureError(f"{file}: {error}") from None
     finally:
@@ -207,10 +207,16 @@ def read_event(data: bytes) -> Mapping[str, Any]:
         found = parsed(message.data)
         if isinstance(found, dict) and isinstance(found["event"], str):
             json.dumps(found, allow_nan=False)
-            return found
+            if all(_is_small(found.get(key, 0)) for key in ("time_ns", "count")):
+                return found
     except Exception:
         pass
     raise CaptureError(f"a message on {EVENTS} is damaged: it is no JSON with the key event")
+
+
+def _is_small(number: Any) -> bool:
+    """Return whether a number of an event is one that a recorder writes."""
+    return is_integer(number) and abs(number) < 2**63
 
 
 def seconds_between(start: str, end: str) -> float:
@@ -225,7 +231,7 @@ def dropped_samples(facts: SessionFacts) -> dict[str, int]:
     for event in facts.events:
         device, number = event.get("device"), event.get("count")
         is_drop = event["event"] == events.SAMPLES_DROPPED and isinstance(device, str)
-        if is_drop and isinstance(number, int) and math.isfinite(number):
+        if is_drop and isinstance(number, int):
             found[str(device)] = found.get(str(device), 0) + number
     if facts.record is not None:
         found |= {name: device.dropped for name, device in facts.record.devices.items()}

@@ -19,6 +19,8 @@ It protects against small texts that expand to very many values ("billion laughs
 MAX_DEPTH = 40
 MAX_BYTES = 1_000_000
 """Largest size of a config file; without it, reading /dev/zero would never end."""
+MOST_BITS = 1024
+"""Of an integer: those of the largest float. Texts of far larger ones cannot be printed."""
 _MERGE = "tag:yaml.org,2002:merge"
 
 
@@ -31,6 +33,16 @@ _Loader.add_implicit_resolver(
     re.compile(r"^[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$"),
     list("-+.0123456789"),
 )
+
+
+def _integer(loader: _Loader, node: yaml.ScalarNode) -> int:
+    found: int = loader.construct_yaml_int(node)
+    if found.bit_length() > MOST_BITS:
+        raise ValueError(f"an integer of {found.bit_length()} bits, valid: up to {MOST_BITS}")
+    return found
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _integer)
 
 
 def parse_yaml(text: str, what: str) -> Any:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
+from grasp_factory.core.disk_usage import stored_bytes
 from grasp_factory.core.executors.base import Executor, SendMessage, Task
 from grasp_factory.core.executors.limited import LimitedExecutor, ProcessLimits
 from grasp_factory.core.limits import IMPORT_CPU, IMPORT_FILE, IMPORT_MEMORY
 from grasp_factory.errors import StoreError
 
+LEAST_S = 5
+"""Processor time for the smallest file, s."""
+BYTES_PER_S = 100_000
+"""Bytes on the disk for another second: a tenth of what the slowest import reads."""
 IMPORT = ProcessLimits(what="the import", memory=IMPORT_MEMORY, cpu=IMPORT_CPU, file=IMPORT_FILE)
 
 
@@ -42,5 +48,13 @@ def in_import_process(
     def lost(_: Any, why: str) -> NoReturn:
         raise StoreError(f"{source}: reading it ended its process ({why})")
 
-    (result,) = reading_executor(limits).run(task, [job], report, lost)
+    executor = reading_executor(_limits_for(source, limits))
+    (result,) = executor.run(task, [job], report, lost)
     return result
+
+
+def _limits_for(source: Path, limits: ProcessLimits) -> ProcessLimits:
+    """Return limits whose time follows the size of what is read, up to theirs."""
+    most = LEAST_S + stored_bytes(source) // BYTES_PER_S
+    cpu = replace(limits.cpu, usual=min(limits.cpu.usual, most))
+    return replace(limits, cpu=cpu)

@@ -1,13 +1,28 @@
-"""The reasons why rows are not simulated again, as lines of the report."""
+"""The reasons why rows are not simulated again: lines of the report, and limits."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 from grasp_factory.core import schema
-from grasp_factory.core.limits import MEMORY
+from grasp_factory.core.limits import LOST, MEMORY, SIMULATIONS
 from grasp_factory.core.platforms import ACCEPT
+from grasp_factory.curation.verify.blocks import Findings
 from grasp_factory.curation.verify.partial_store import PartialStore
+from grasp_factory.curation.verify.problems import GENERATE, VerifyReport
+
+
+def check_losses(path: Path, found: VerifyReport | Findings) -> None:
+    """Check that a store does not ask for far more simulations than it has whole rows.
+
+    Raises:
+        LimitError: if it does.
+    """
+    damaged = {problem.episode for problem in found.problems if problem.advice != GENERATE} - {None}
+    lost, whole = found.missing + len(damaged), found.committed + found.quarantined - len(damaged)
+    SIMULATIONS.check(lost, path)
+    LOST.check(lost - max(whole, 0), path)
 
 
 def foreign_rows(rows: str, difference: str) -> str:

@@ -10,7 +10,6 @@ from typing import Any
 
 from grasp_factory import __version__
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.limits import SIMULATIONS
 from grasp_factory.core.place import fsync_places, place_of
 from grasp_factory.core.schema import Field
 from grasp_factory.curation import isolation
@@ -21,6 +20,7 @@ from grasp_factory.curation.repair.rebuild import (
     files_of,
 )
 from grasp_factory.curation.repair.refusals import (
+    check_losses,
     foreign_rows,
     row_that_crashes,
     rows_of_sessions,
@@ -88,10 +88,10 @@ class RepairSession:
             Whether the rest can be repaired: not if the root's metadata is lost.
 
         Raises:
-            LimitError: if far more rows are missing than a damaged store lacks.
+            LimitError: if far more rows are lost than a damaged store lacks.
         """
-        SIMULATIONS.check(found.missing, self._path)
         problems = found.problems
+        check_losses(self._path, found)
         if _is_of_root(problems) and not self._mend_root():
             return False
         pieces = open_pieces(self._path)[0]
@@ -112,6 +112,7 @@ class RepairSession:
                 blocks = range(pieces.blocks)
                 checked = check_blocks(pieces, blocks, self._workers, self._on_episode)
                 problems = tuple(checked.problems)
+                check_losses(self._path, checked)
             size = pieces.config.block_size
             broken = {p.episode // size for p in problems if p.episode is not None}
             if broken and pieces.rewritten:  # blocks are rebuilt in the original layout

@@ -71,6 +71,15 @@ def _checked(values: NDArray[Any], field: Field, shape: tuple[int, ...]) -> NDAr
     return values
 
 
+def check_text(text: str) -> None:
+    """Check that a text can be stored: JSON may have halves of characters.
+
+    Raises:
+        ValueError: if it cannot.
+    """
+    text.encode()
+
+
 def _array(value: Any, field: Field, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return the array of a value of JSON: words become codes; None is NaN or a code."""
     if field.names:
@@ -78,4 +87,6 @@ def _array(value: Any, field: Field, shape: tuple[int, ...]) -> NDArray[Any]:
     values = np.asarray(value, np.str_ if field.dtype == "string" else field.dtype)
     if values.shape != shape:
         raise ValueError(f"{field.path}: got {values.shape}, valid: {shape}")
+    if field.dtype == "string":
+        check_text("".join(values.ravel().tolist()))
     return values

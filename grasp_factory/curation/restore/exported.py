@@ -19,13 +19,15 @@ from grasp_factory.core.serialization import check, is_integer
 from grasp_factory.curation.merge.label_transfer import CopiedLabel
 from grasp_factory.curation.restore.added_data import changes_of, labels_of
 from grasp_factory.dataset.annotations import Change
-from grasp_factory.errors import RefusedFileError, StoreError, UsageError, lookup
+from grasp_factory.errors import RefusedFileError, StoreError, UsageError, lookup, shown
 from grasp_factory.robots import ROBOTS
 from grasp_factory.writers.exporters import EXPORTERS, Exporter, ExportFolder
 from grasp_factory.writers.exporters.export_record import EMBEDDED as EMBEDDED_FOLDER
 from grasp_factory.writers.exporters.export_record import EPISODES, RECORD, VERSION
 from grasp_factory.writers.zarr.embedded import embedded_in
 
+DAMAGE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""What plain data raises where it is used, if it has another form than an export writes."""
 MOST_JOINTS = 64
 """Joints of a robot that is not of this package."""
 
@@ -86,7 +88,7 @@ def open_export(path: Path) -> ExportedEpisodes:
     place, record = read_record(path)
     try:
         return _opened(path, place, record)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except DAMAGE as error:
         raise StoreError(f"{path / RECORD} is damaged: {error}") from None
 
 
@@ -121,9 +123,7 @@ def _opened(path: Path, place: Place, record: Mapping[str, Any]) -> ExportedEpis
     stores = tuple(store["attributes"] for store in record["stores"])
     config = _config(path, stores)
     known, listed = {row.path: row for row in schema.expand(config)}, set(record["arrays"])
-    lines = _line_starts(place / EPISODES)
-    if len(lines) != record["episodes"]:
-        raise StoreError(f"{path / EPISODES} has {len(lines)} lines for {record['episodes']}")
+    lines = _line_starts(place / EPISODES, record["episodes"])
     return ExportedEpisodes(
         path=path,
         exporter=exporter,
@@ -163,8 +163,9 @@ def _joints(attributes: Mapping[str, Any], config: FactoryConfig) -> int:
     return count
 
 
-def _line_starts(place: Place) -> tuple[int, ...]:
+def _line_starts(place: Place, episodes: Any) -> tuple[int, ...]:
     """Return where each line of a file begins, in the order of the episodes' numbers."""
+    valid = shown(episodes)
     starts: dict[int, int] = {}
     count = 0
     try:
@@ -172,12 +173,16 @@ def _line_starts(place: Place) -> tuple[int, ...]:
             while data := _line(file, place.path):
                 count += 1
                 ROWS.check(count, place.path)
+                if count > episodes:
+                    raise StoreError(f"{place.path} has more lines than {valid}, its episodes")
                 number: Any = _object(data, str(place.path)).get("episode")
                 starts[number if is_integer(number) else -1] = file.tell() - len(data)
     except RefusedFileError:
         raise
     except OSError as error:
         raise StoreError(f"{place.path} cannot be read: {error.strerror}") from None
+    if count != episodes:
+        raise StoreError(f"{place.path} has {count} lines for {valid} episodes")
     if sorted(starts) != list(range(count)):
         raise StoreError(f"{place.path} is damaged: it does not number the episodes from 0")
     return tuple(starts[number] for number in range(len(starts)))

@@ -9,7 +9,7 @@ from typing import Any
 from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.executors.import_process import in_import_process
 from grasp_factory.core.serialization import is_integer
-from grasp_factory.curation.restore.exported import read_record
+from grasp_factory.curation.restore.exported import DAMAGE, read_record
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.exporters import EXPORTERS
 from grasp_factory.writers.exporters.export_record import RECORD
@@ -58,7 +58,7 @@ def _facts(path: Path, report: SendMessage) -> ExportFacts:
             labels=tuple(record["labels"].keys()),
             annotations=len(record["annotations"]),
         )
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except DAMAGE as error:
         raise StoreError(f"{path / RECORD} is damaged: {error}") from None
 
 

@@ -19,8 +19,8 @@ from grasp_factory.core.serialization import is_integer, to_plain
 from grasp_factory.curation.merge.provenance import SeedSource, makers_of, once
 from grasp_factory.curation.merge.staged_store import StagedStore
 from grasp_factory.curation.restore.added_data import check_changes
-from grasp_factory.curation.restore.episode_values import episode_of
-from grasp_factory.curation.restore.exported import ExportedEpisodes, open_export
+from grasp_factory.curation.restore.episode_values import check_text, episode_of
+from grasp_factory.curation.restore.exported import DAMAGE, ExportedEpisodes, open_export
 from grasp_factory.dataset.annotations.carrying import write_log
 from grasp_factory.errors import RefusedFileError, StoreError, UsageError, shown
 from grasp_factory.writers.exporters.export_record import RECORD
@@ -172,10 +172,12 @@ class ExportedEpisodeReader:
         line = self.source.line(self.file, place)
         try:
             episode = episode_of(line, self._held(place), self.source.folder)
-            return episode, str(line["checksum"]), str(line["fingerprint"])
+            fingerprint = str(line["fingerprint"])
+            check_text(fingerprint)
+            return episode, str(line["checksum"]), fingerprint
         except RefusedFileError:
             raise
-        except (KeyError, TypeError, ValueError, RecursionError, OSError) as error:
+        except (*DAMAGE, OSError) as error:
             raise self._damaged(place, error) from None
 
     def _held(self, place: int) -> Mapping[str, NDArray[Any]]:
@@ -185,11 +187,12 @@ class ExportedEpisodeReader:
             return read_back(self.source.folder, place)
         except RefusedFileError:
             raise
-        except (KeyError, TypeError, ValueError, RecursionError, OSError) as error:
+        except (*DAMAGE, OSError) as error:
             raise self._damaged(place, error) from None
 
     def _column(self, place: int, name: str) -> int:
-        value = self.source.line(self.file, place).get("columns", {}).get(name)
+        columns = self.source.line(self.file, place).get("columns")
+        value: Any = columns.get(name) if isinstance(columns, Mapping) else None
         if not is_integer(value):
             raise self._damaged(place, f"{name}: got {shown(value)}")
         return int(value)

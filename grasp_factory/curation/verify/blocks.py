@@ -28,7 +28,7 @@ from grasp_factory.curation.verify.contents import (
 from grasp_factory.curation.verify.invariants import faults
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.curation.verify.problems import GENERATE, REPAIR, Problem
-from grasp_factory.dataset.row_codec import Row
+from grasp_factory.dataset.row_codec import Row, text_of
 from grasp_factory.dataset.row_integrity import QUARANTINE_PATHS
 from grasp_factory.writers.zarr.layout import block_files
 from grasp_factory.writers.zarr.writer import COMMITTED, MISSING, QUARANTINED
@@ -105,7 +105,7 @@ class BlockChecker:
             if status != MISSING or not marker.partial.exists():
                 findings.problems += row_problems(row, status, pieces, i)
             missing += [i] if status == MISSING else []
-            text = str(row.get(schema.FINGERPRINT.path, ""))
+            text = text_of(row, schema.FINGERPRINT.path)
             findings.fingerprints.update([text] if is_fingerprint(text) else [])
         if missing:
             findings.problems.append(_missing(missing))

@@ -15,7 +15,7 @@ from grasp_factory.core.place import Place
 from grasp_factory.core.schema import Field
 from grasp_factory.curation.verify.partial_store import PartialStore
 from grasp_factory.curation.verify.problems import Problem
-from grasp_factory.dataset.row_codec import Row, fixed, is_fill
+from grasp_factory.dataset.row_codec import Row, fixed, is_fill, text_of
 from grasp_factory.dataset.row_integrity import (
     QUARANTINE_PATHS,
     episode_contents,
@@ -123,7 +123,7 @@ def quarantined_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem
 
 def fingerprint_problems(row: Row, pieces: PartialStore, i: int) -> list[Problem]:
     """Return the problems of a row's fingerprint; see ``must_have_fingerprints``."""
-    text = str(row.get(schema.FINGERPRINT.path, ""))
+    text = text_of(row, schema.FINGERPRINT.path)
     required = must_have_fingerprints(pieces.attributes)
     if schema.FINGERPRINT.path not in row or is_valid_fingerprint(text, required=required):
         return []
@@ -138,7 +138,7 @@ def is_complete(contents: Row, pieces: PartialStore) -> bool:
 
 def is_whole(row: Row, contents: Row, pieces: PartialStore) -> bool:
     """Return whether all values of an episode could be read and match the row's checksum."""
-    stored = str(row.get(schema.CHECKSUM.path, ""))
+    stored = text_of(row, schema.CHECKSUM.path)
     return bool(stored) and is_complete(contents, pieces) and checksum(contents) == stored
 
 

@@ -43,7 +43,8 @@ class StoreState:
 
     def __post_init__(self) -> None:
         check(0 < len(self.store) <= _LONGEST_NAME, "store", self.store, "a name")
-        check("/" not in self.store, "store", self.store, "a name without /")
+        is_name = self.store not in (".", "..") and not set(self.store) & set("/\0")
+        check(is_name, "store", self.store, "the name of a folder")
         for key in ("config_sha256", "rows_sha256"):
             check(is_sha256(getattr(self, key)), key, getattr(self, key), "a SHA-256")
         check(not self.snapshot or is_sha256(self.snapshot), "snapshot", self.snapshot, "an id")

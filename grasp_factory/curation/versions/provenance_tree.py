@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,8 @@ from grasp_factory.writers.zarr.label_columns import added_labels
 
 REPORT = "report.json"
 """File of ``train`` that names the store."""
+DEEPEST = 32
+"""Stores in a row, each made of the next, that a tree shows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +50,7 @@ def provenance_of(path: Path) -> ProvenanceNode:
         StoreError: if that is damaged.
     """
     if is_remote(path) or (path / "zarr.json").is_file():
-        return _of_store(path, set())
+        return _Stores().tree(path)
     if (path / RECORD).is_file():
         return _of_export(path)
     folder = path.parent if path.suffix == ".safetensors" else path
@@ -59,40 +62,53 @@ def provenance_of(path: Path) -> ProvenanceNode:
     raise UsageError(f"{path} does not say what it was made of, valid: {valid}")
 
 
-def _of_store(path: Path, shown_already: set[Path]) -> ProvenanceNode:
-    shown_already.add(real_path(path))
-    state, origin = state_of(path), read_origin(path)
-    nodes = [ProvenanceNode(text=f"labels/{name}, by relabel") for name in added_labels(path)]
-    text = _state_text(state)
-    if origin is None:
-        nodes.append(ProvenanceNode(text=_generated(path)))
-    elif origin.rows_sha256 != state.rows_sha256:
-        nodes.append(
-            ProvenanceNode(text=f"{origin.what}, and rows that were added or changed since")
-        )
-    else:
-        nodes.append(_of_origin(path, origin, shown_already))
-    return ProvenanceNode(text=text, made_of=tuple(nodes))
+@dataclass(frozen=True, slots=True)
+class _Stores:
+    """Stores that are beside each other, each read once, however often one is named."""
 
+    shown: set[Path] = field(default_factory=set)
+    """Those whose sources are in the tree."""
+    states: dict[Path, StoreState | None] = field(default_factory=dict)
 
-def _of_origin(path: Path, origin: Origin, shown_already: set[Path]) -> ProvenanceNode:
-    """Return the sources of a store; those that are beside it with the same rows, as trees."""
-    nodes = []
-    for source in origin.sources:
-        beside = real_path(path).with_name(source.store)
-        nodes.append(_source(beside, source, shown_already))
-    text = f"{origin.what} by grasp-factory {origin.grasp_factory} of"
-    return ProvenanceNode(text=text, made_of=tuple(nodes))
+    def tree(self, path: Path, depth: int = 0) -> ProvenanceNode:
+        """Return the tree of a store, which is ``depth`` stores below the first one."""
+        self.shown.add(real_path(path))
+        state, origin = state_of(path), read_origin(path)
+        nodes = [ProvenanceNode(text=f"labels/{name}, by relabel") for name in added_labels(path)]
+        text = _state_text(state)
+        if origin is None:
+            nodes.append(ProvenanceNode(text=_generated(path)))
+        elif origin.rows_sha256 != state.rows_sha256:
+            nodes.append(
+                ProvenanceNode(text=f"{origin.what}, and rows that were added or changed since")
+            )
+        else:
+            nodes.append(self._of_origin(path, origin, depth))
+        return ProvenanceNode(text=text, made_of=tuple(nodes))
 
+    def _of_origin(self, path: Path, origin: Origin, depth: int) -> ProvenanceNode:
+        """Return the sources of a store; those that are beside it with the same rows, as trees."""
+        beside = [real_path(path).with_name(source.store) for source in origin.sources]
+        pairs = zip(beside, origin.sources, strict=True)
+        nodes = tuple(self._source(there, source, depth + 1) for there, source in pairs)
+        text = f"{origin.what} by grasp-factory {origin.grasp_factory} of"
+        return ProvenanceNode(text=text, made_of=nodes)
 
-def _source(beside: Path, source: StoreState, shown_already: set[Path]) -> ProvenanceNode:
-    if beside not in shown_already:
-        try:
-            if state_of(beside).rows_sha256 == source.rows_sha256:
-                return _of_store(beside, shown_already)
-        except (StoreError, UsageError):
-            pass  # it is not there any more, or damaged: what was recorded of it stays true
-    return ProvenanceNode(text=_state_text(source))
+    def _source(self, beside: Path, source: StoreState, depth: int) -> ProvenanceNode:
+        if beside not in self.shown and depth < DEEPEST:
+            state = self._state(beside)
+            if state is not None and state.rows_sha256 == source.rows_sha256:
+                with contextlib.suppress(StoreError, UsageError):  # it may change meanwhile
+                    return self.tree(beside, depth)
+        return ProvenanceNode(text=_state_text(source))
+
+    def _state(self, path: Path) -> StoreState | None:
+        """Return the state of a store; None if it is not there any more, or damaged."""
+        if path not in self.states:
+            self.states[path] = None
+            with contextlib.suppress(StoreError, UsageError):
+                self.states[path] = state_of(path)
+        return self.states[path]
 
 
 def _state_text(state: StoreState) -> str:

@@ -125,6 +125,7 @@ class Snapshot:
         ):
             length = len(getattr(self, key))
             check(length <= most, key, f"{length} characters", f"up to {most}")
+        check(bool(self.message.strip()), "message", self.message, "a text")
         check(bool(_TIME.fullmatch(self.created)), "created", self.created, "a time of UTC")
 
     def to_bytes(self) -> bytes:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from traceback import clear_frames
 from typing import Any, Literal
 
 import numpy as np
@@ -237,6 +238,7 @@ def read_array(array: zarr.Array[Any], *selection: int | slice) -> NDArray[Any]:
         raise
     except Exception as error:  # decoders raise any exception at damaged bytes
         what = f"{array.path}{_span(selection)} cannot be read: {first_line(error)}"
+        clear_frames(error.__traceback__)  # they would keep the chunk in memory, in a cycle
     # Not in the handler above: the error would keep what the decoders have read in memory.
     raise StoreError(f"{_where(array)}: {what}")
 

@@ -94,6 +94,20 @@ def _(store: Path, outside: Path) -> None:
         file.truncate(4 + 4 * 25_000_000)
 
 
+@attack("words of 240 MB that are not on the disk")
+def _(store: Path, outside: Path) -> None:
+    coded("episodes/policy", [_WORDS])(store, outside)
+    with (store / "episodes/policy/0").open("wb") as file:
+        file.write(struct.pack("<I", 60_000_000))
+        file.truncate(4 + 4 * 60_000_000)
+
+
+@attack("80 rows that are damaged")
+def _(store: Path, outside: Path) -> None:
+    _grown(store, 80)
+    _filled(store, "episodes/status", range(20), compress(bytes([1] * 4), 1))
+
+
 @attack("words of 60 MB in each column of text of a block")
 def _(store: Path, outside: Path) -> None:
     configured(block_size=1024)(store, outside)
