@@ -213,7 +213,7 @@ def copy_of_named(line: str, stores: Path, place: Path) -> Path:
     """Make a folder for a line with a copy of what it names."""
     place.mkdir()
     for path in named(line, stores):
-        copy = shutil.copytree if path.is_dir() else shutil.copyfile
+        copy = shutil.copytree if path.is_dir() else shutil.copy
         copy(path, place / path.name)
     return place
 
@@ -253,7 +253,8 @@ def test_a_command_that_simulates_says_what_to_install(
 ) -> None:
     place, done = runs[line]
     assert done.returncode == 2, done.stderr
-    (said,) = done.stderr.splitlines()
+    *notes, said = done.stderr.splitlines()
+    assert [note for note in notes if not note.startswith("Using the config of")] == []
     assert said.startswith("Error: this simulates or reads PyBullet's models and needs pybullet")
     assert "pip install 'grasp-factory[simulation]' (wheels: CPython up to 3.11" in said
     assert done.stdout == ""
