@@ -27,6 +27,7 @@ from grasp_factory.writers.zarr.store import create_store
 CONFIG = small_config(block_size=33)
 N, PAGE = 132, 60
 QUARANTINED = (5, 70)
+WIDE = "return arguments[0].naturalWidth"
 SCRIPT = "<img src=x onerror=alert(1)>"
 
 pytestmark = pytest.mark.slow
@@ -168,24 +169,54 @@ def test_the_token_leaves_the_address(page: Page, server: Running) -> None:
     assert server.token not in page.driver.current_url
 
 
-def test_thumbnails_load_and_show_the_other_frame_on_a_key(page: Page) -> None:
-    image = page.css("[data-testid=card] img")
-    page.until(lambda: page.script("return arguments[0].naturalWidth", image) > 0, "a thumbnail")
-    page.press(keys().ARROW_RIGHT, "a")
-    page.until(lambda: "frame=1" in (image.get_attribute("src") or ""), "the frame after")
-    page.press("a")
-    page.until(lambda: "frame=0" in (image.get_attribute("src") or ""), "the frame before")
+def test_a_card_shows_before_and_after_and_says_its_quality(page: Page) -> None:
+    card = page.css("[data-testid=card]")
+    images = card.find_elements("css selector", "img")
+    for image in images:
+        page.until(lambda image=image: page.script(WIDE, image) > 0, "a thumbnail")
+    frames = [image.get_attribute("src").partition("frame=")[2][0] for image in images]
+    assert frames == ["0", "1"]
+    assert "very poor" in card.text
 
 
-def test_pictures_after_the_attempt_show_on_hover_and_for_all_on_a_button(page: Page) -> None:
-    from selenium.webdriver.common.action_chains import ActionChains
+def test_the_tour_has_three_steps_by_keyboard_and_shows_but_once(page: Page) -> None:
+    page.script("sessionStorage.setItem('is-first-visit', 'yes'); localStorage.clear()")
+    page.reload()
+    for step in ("1 of 3", "2 of 3", "3 of 3"):
+        page.until(lambda step=step: step in page.one("tour").text, step)
+        assert page.script("return document.activeElement.dataset.testid") == "tour-next"
+        assert page.overflow() <= 0
+        page.press(keys().ENTER)
+    page.until(lambda: page.all("tour") == [], "it has ended")
+    page.reload()
+    settled(page)
+    assert page.all("tour") == []
+    page.press("?")
+    page.click("show-tour")
+    page.one("tour")
+    page.press(keys().ESCAPE)
+    page.until(lambda: page.all("tour") == [], "it is dismissed")
 
-    first = page.css("[data-testid=card] img")
-    ActionChains(page.driver).move_to_element(first).perform()
-    page.until(lambda: "frame=1" in (first.get_attribute("src") or ""), "the frame after")
-    page.click("show-after")
-    images = page.driver.find_elements("css selector", "[data-testid=card] img")
-    page.until(lambda: all("frame=1" in (i.get_attribute("src") or "") for i in images))
+
+def test_on_a_phone_all_that_a_selection_can_do_is_within_the_window(page: Page) -> None:
+    page.resize(PHONE)
+    page.reload()
+    settled(page)
+    for row in (1, 2):
+        page.click_css(f'[data-id="0:{row}"] .choose')
+    page.until(lambda: page.text("select-count") == "2 selected")
+    names = ("compare", "bulk-tag", "select-none", "download-ids", "copy-command", "select-all")
+    for name in names:
+        box = page.one(name).rect
+        place = page.script("return arguments[0].getBoundingClientRect().y", page.one(name))
+        assert 0 <= box["x"]
+        assert box["x"] + box["width"] <= PHONE[0], name
+        assert 0 <= place
+        assert place + box["height"] <= PHONE[1], name
+    page.click("compare")
+    page.one("compare-facts")
+    assert page.overflow() <= 0
+    assert page.script("return document.scrollingElement.scrollHeight") < 3000
 
 
 def test_a_quarantined_row_shows_its_reason(page: Page) -> None:
@@ -593,7 +624,9 @@ def test_a_list_of_several_stores_names_them_and_a_command_takes_its_own(
         tab.press(keys().ARROW_RIGHT, keys().ARROW_RIGHT, "x")
         tab.go("#/")
         tab.until(lambda: len(ids(tab)) == 16, "both stores")
-        tab.css('[data-testid=card][data-id="0:2"] input').click()
+        box = tab.css('[data-testid=card][data-id="0:2"] input')
+        tab.script("arguments[0].scrollIntoView({block: 'center'})", box)
+        box.click()
         tab.until(lambda: tab.text("select-count") == "2 selected")
         tab.one("copy-command").click()
         said = "return document.querySelector('.command, [data-testid=notice]').textContent"
@@ -691,14 +724,16 @@ def test_a_card_shows_few_of_many_tags_and_how_many_more_there_are(page: Page) -
       const done = arguments[arguments.length - 1];
       Promise.all([import('/static/card.js'), import('/static/api.js')]).then(([{card}]) => {
         const row = {store: 0, row: 1, status: 'committed', outcome: 'success', tags: arguments[0],
-                     lift_height: -0.0001, checksum: ''};
-        const node = card(row, new URLSearchParams(), {stores: [{id: 0}]}, false);
+                     lift_height: -0.00001, checksum: ''};
+        const shown = {unit: 'mm', factor: 1000, decimals: 1};
+        const library = {stores: [{id: 0}], columns: [{name: 'lift_height', shown}]};
+        const node = card(row, new URLSearchParams(), library);
         const texts = (name) => [...node.querySelectorAll(`[data-testid=${name}]`)];
         done([texts('tag').length, texts('more-tags').map((one) => [one.textContent, one.title]),
               node.querySelector('[title="lift height"]').textContent]);
       });
     """
     few = page.driver.execute_async_script(code, ["a", "b", "c"])
-    assert few == [3, [], "↑ 0 mm"]
+    assert few == [3, [], "↑ 0.0 mm"]
     many = page.driver.execute_async_script(code, list("abcde"))
     assert many[:2] == [2, [["+3", "a, b, c, d, e"]]]

@@ -14,7 +14,9 @@ from numcodecs.zstd import compress
 from support.fake_episodes import JOINTS, make_rows, small_config
 
 from grasp_factory.apps.browse.app import create_app
+from grasp_factory.apps.browse.clips import WantedClip
 from grasp_factory.apps.browse.image_files import thumbnail
+from grasp_factory.apps.browse.open_stores import OpenStores
 from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
 from grasp_factory.core.cache import VARIABLE
 from grasp_factory.dataset.dataset import Dataset
@@ -84,6 +86,18 @@ def test_a_browser_that_has_a_picture_of_a_forged_store_asks_for_that_of_the_oth
         page(store).get("/api/episodes").json["rows"][0]["version"] for store in (forged, honest)
     ]
     assert versions[0] != versions[1]
+
+
+def test_a_clip_of_a_forged_store_has_another_key(
+    honest: Path, forged: Path, tmp_path: Path
+) -> None:
+    keys = []
+    for store in (honest, forged):
+        opened = OpenStores(fresh([store], tmp_path / f"{store.name}.sqlite").stores).open(0)
+        version = opened.version(0)
+        wanted = WantedClip(opened=opened, row=0, version=version, camera="front", size="small")
+        keys.append(wanted.key)
+    assert keys[0] != keys[1]
 
 
 class TestAnIndexThatCameWithAStore:

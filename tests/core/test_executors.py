@@ -197,6 +197,18 @@ def test_an_exception_of_the_caller_ends_the_workers() -> None:
     assert wait_until_gone(pids)
 
 
+def test_a_check_that_raises_ends_workers_that_say_nothing() -> None:
+    pids: list[int] = []
+
+    def check() -> None:
+        if pids:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ProcessExecutor(1, check=check).run(blocks.sleeps, range(1), pids.append)
+    assert wait_until_gone(pids)
+
+
 def test_a_worker_does_not_mind_the_ctrl_c_that_is_for_the_coordinator() -> None:
     def interrupt(pid: int) -> None:
         os.kill(pid, signal.SIGINT)

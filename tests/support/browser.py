@@ -39,6 +39,13 @@ _FLAGS = (
     *("--disable-gpu-compositing", "--disable-gpu-rasterization"),
     "--disable-accelerated-2d-canvas",
 )
+_KNOWS_THE_TOUR = """
+try {
+  const isFirst = sessionStorage.getItem('is-first-visit');
+  if (!isFirst) localStorage.setItem('grasp-factory-tour', 'seen');
+} catch {}
+"""
+"""Without it, the tour of a first visit would take the keys that a test presses."""
 T = TypeVar("T")
 
 
@@ -69,6 +76,9 @@ def chromium(downloads: Path | None = None) -> Iterator[Page]:
         service = Service(driver, log_output=subprocess.DEVNULL)
         page = Page(webdriver.Chrome(options=options, service=service))
         try:
+            page.driver.execute_cdp_cmd(
+                "Page.addScriptToEvaluateOnNewDocument", {"source": _KNOWS_THE_TOUR}
+            )
             page.resize(DESKTOP)
             yield page
         finally:

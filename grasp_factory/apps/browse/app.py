@@ -13,6 +13,7 @@ from grasp_factory.apps.browse import (
     query_limit,
     static_files,
 )
+from grasp_factory.apps.browse.clips import Clips
 from grasp_factory.apps.browse.guard import Guard, install
 from grasp_factory.apps.browse.open_stores import OpenStores
 from grasp_factory.apps.browse.request_parameters import Number
@@ -36,14 +37,16 @@ def create_app(
         token: The token that a request needs to change anything; empty for a read-only page.
         hosts: The names and addresses, without port, that a Host header may have.
         live: A run that is making episodes; None if there is no such run.
-        thumbnails: Where small pictures are stored; None for the cache folder.
+        thumbnails: Where small pictures and clips are stored; None for the cache folder.
     """
     index.patience_s = query_limit.ANSWER_S
+    cache = thumbnails or Thumbnails()
     site = Site(
         index=index,
         guard=Guard.of(hosts, token),
         stores=OpenStores(index.stores),
-        thumbnails=thumbnails or Thumbnails(),
+        thumbnails=cache,
+        clips=Clips(cache),
         live=live,
     )
     app = Flask("grasp_factory.apps.browse", static_folder=None)

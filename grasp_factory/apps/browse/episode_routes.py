@@ -1,10 +1,11 @@
-"""The addresses of one episode: its facts, series, pictures and points."""
+"""The addresses of one episode: its facts, series, pictures, clips and points."""
 
 from __future__ import annotations
 
 from flask import Blueprint, Response, abort, request
 
 from grasp_factory.apps.browse import facts
+from grasp_factory.apps.browse.clips import SIZES, WantedClip, no_clip
 from grasp_factory.apps.browse.image_files import (
     KINDS,
     THUMB_WIDTH,
@@ -19,6 +20,7 @@ from grasp_factory.apps.browse.request_parameters import integer
 from grasp_factory.apps.browse.responses import BYTES, cached_answer, json_answer
 from grasp_factory.apps.browse.series import episode_series, tactile
 from grasp_factory.apps.browse.site import Site
+from grasp_factory.errors import GraspFactoryError
 from grasp_factory.writers.zarr.header import read_array
 
 
@@ -71,9 +73,22 @@ def routes(site: Site) -> Blueprint:
         opened, version = site.episode(store, row)
         camera = _asked_camera(opened) or next(iter(opened.dataset.config.cameras))
         frame = integer("frame", 0, 1)
-        key = f"{version} {row} {frame} {camera} {THUMB_WIDTH}"
+        key = f"{version} {row} {frame} {camera} {THUMB_WIDTH} outlined"
         make = lambda: thumbnail(opened.dataset, row, camera, frame)  # noqa: E731
         return cached_answer(version, "image/jpeg", lambda: site.thumbnails.get(key, make))
+
+    @pages.get("/clip/<n:store>/<n:row>/<camera>/<size>")
+    def clip(store: int, row: int, camera: str, size: str) -> Response:
+        opened, version = site.episode(store, row)
+        _check_camera(opened, camera)
+        if size not in SIZES:
+            abort(404, f"there is no such clip; sizes: {', '.join(SIZES)}")
+        is_gone = request.environ.get("waitress.client_disconnected", lambda: False)
+        wanted = WantedClip(opened=opened, row=row, version=version, camera=camera, size=size)
+        try:
+            return cached_answer(version, BYTES, lambda: site.clips.get(wanted, is_gone))
+        except GraspFactoryError as error:
+            return Response(no_clip(str(error)), content_type=BYTES)
 
     @pages.get("/cloud/<n:store>/<n:row>/<n:frame>")
     def cloud(store: int, row: int, frame: int) -> Response:

@@ -11,6 +11,7 @@ from grasp_factory.apps.browse.image_files import label_colors
 from grasp_factory.apps.browse.request_parameters import asked_query, integer
 from grasp_factory.apps.browse.responses import json_answer
 from grasp_factory.apps.browse.site import Site
+from grasp_factory.core.config.quality import QUALITY_WORDS
 from grasp_factory.core.enums import Outcome, Phase, label_names, names
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.shown_units import SHOWN_UNITS
@@ -71,6 +72,7 @@ def _library(site: Site, trouble: str) -> dict[str, Any]:
         "columns": [_column(site, column) for column in COLUMNS],
         "outcomes": names(Outcome),
         "phases": names(Phase),
+        "qualities": QUALITY_WORDS,
         "who": default_who(),
         "live": site.live is not None,
         "writable": bool(site.guard.token),

@@ -12,6 +12,7 @@ from grasp_factory.apps.pictures.painting import (
     depth_span,
     label_palette,
     label_picture,
+    put_outline,
 )
 from grasp_factory.core.enums import UNKNOWN, Label
 from grasp_factory.dataset.dataset import Dataset
@@ -37,14 +38,23 @@ def picture(dataset: Dataset, row: int, camera: str, kind: str, frame: int) -> b
 def thumbnail(dataset: Dataset, row: int, camera: str, frame: int) -> bytes:
     """Return a small picture of what a camera sees, as a JPEG file ``THUMB_WIDTH`` wide.
 
+    Among other objects, a line goes round the target.
+
     Raises:
         StoreError: if the row is missing, quarantined or damaged.
     """
     image = _image(dataset, row, camera, "rgb", frame)
     height = max(1, round(THUMB_WIDTH * image.shape[0] / image.shape[1]))
     how = cv2.INTER_AREA if image.shape[1] >= THUMB_WIDTH else cv2.INTER_CUBIC
-    small = cv2.resize(image, (THUMB_WIDTH, height), interpolation=how)
-    return _encoded(".jpg", np.asarray(small, np.uint8), _THUMB)
+    small = np.asarray(cv2.resize(image, (THUMB_WIDTH, height), interpolation=how), np.uint8)
+    if dataset.config.clutter.count > 1:
+        labels = dataset.image(row, camera, "segmentation", frame)
+        size = (THUMB_WIDTH, height)
+        target = cv2.resize(
+            (labels == Label.TARGET).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST
+        )
+        put_outline(small, target > 0)
+    return _encoded(".jpg", small, _THUMB)
 
 
 def video_frame(rgb: NDArray[np.uint8]) -> bytes:

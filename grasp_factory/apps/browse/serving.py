@@ -18,6 +18,7 @@ from waitress.parser import HTTPRequestParser, ParsingError  # type: ignore[impo
 from waitress.server import create_server  # type: ignore[import-untyped]
 from waitress.task import ErrorTask  # type: ignore[import-untyped]
 
+from grasp_factory.apps.browse.clips import WAITING as CLIPS_WAITING
 from grasp_factory.apps.browse.guard import ANY_ADDRESS, HEADERS, MOST_BODY
 from grasp_factory.apps.browse.numbers import json_bytes
 from grasp_factory.apps.browse.query_limit import ASKING
@@ -26,7 +27,7 @@ from grasp_factory.errors import UsageError, shown
 PORT = 8642
 PORTS_TRIED = 100
 """Number of ports to try from ``PORT`` on, if the user asks for no port."""
-THREADS = ASKING + 3
+THREADS = ASKING + CLIPS_WAITING + 3
 MOST_CONNECTIONS = 500
 IDLE_S = 30
 """Seconds after which an idle connection is closed."""
@@ -62,6 +63,7 @@ class Server:
             max_request_body_size=MOST_BODY + 1,  # larger bodies are refused
             max_request_header_size=MOST_HEADER,
             clear_untrusted_proxy_headers=True,
+            channel_request_lookahead=1,  # an answer can ask whether its client has left
         )
         self._server.channel_class = _Channel
         self._thread = threading.Thread(target=self._server.run, name="browse", daemon=True)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from flask import abort, request
 
+from grasp_factory.apps.browse.clips import Clips
 from grasp_factory.apps.browse.guard import Guard
 from grasp_factory.apps.browse.open_stores import OpenStore, OpenStores
 from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
@@ -35,6 +36,7 @@ class Site:
     guard: Guard
     stores: OpenStores
     thumbnails: Thumbnails
+    clips: Clips
     live: Live | None
     freshness: Freshness = field(init=False)
 

@@ -1,4 +1,4 @@
-"""Small pictures, cached on disk between runs, by a key of their content; never in a store."""
+"""Small pictures and clips, cached on disk between runs, by a key of what they show."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ MOST_BYTES = 500_000_000
 
 
 class Thumbnails:
-    """A folder of JPEG files, each named by a hash of the key that it belongs to.
+    """A folder of files, each named by a hash of the key that it belongs to; never in a store.
 
-    If the cache cannot be used, each picture is made on request.
+    If the cache cannot be used, everything is made on request.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         """Use a folder; None for the one in the cache."""
         self._folder = folder or _folder()
 
-    def get(self, key: str, make: Callable[[], bytes]) -> bytes:
-        """Return the picture of a key; make it if it is not in the folder."""
+    def get(self, key: str, make: Callable[[], bytes], suffix: str = ".jpg") -> bytes:
+        """Return the content of a key; make it if it is not in the folder."""
         if self._folder is None:
             return make()
         name = digest(key.encode())
-        file = self._folder / name[:2] / f"{name}.jpg"
+        file = self._folder / name[:2] / f"{name}{suffix}"
         data = read(file)
         if data:
             touch(file)
@@ -39,7 +39,7 @@ class Thumbnails:
         return data
 
     def prune(self, most: int = MOST_BYTES) -> int:
-        """Remove the least recently used pictures until at most ``most`` bytes are left.
+        """Remove the least recently used files until at most ``most`` bytes are left.
 
         Returns:
             The number of files that were removed.

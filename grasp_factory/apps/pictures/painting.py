@@ -42,7 +42,7 @@ OTHER_COLORS = tuple(map(bgr, palette.OTHERS))
 NEAR = 0.01
 """Minimum distance in metres from the camera at which a grasp is drawn."""
 
-OUTLINED = 320
+OUTLINED = 120
 """Width of an image, pixels, for each pixel of an outline's thickness."""
 MOST_LETTERS = 1000
 """Letters of a text that are drawn."""
@@ -171,7 +171,8 @@ def put_grasp(image: BgrImage, pixels: Array) -> None:
 
 def put_outline(image: BgrImage, mask: NDArray[np.bool_]) -> None:
     """Draw a line in the target's colour around the pixels of a mask (H, W), on a dark ground."""
-    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     thick = max(1, round(image.shape[1] / OUTLINED))
-    for color, thickness in ((OUTLINE, thick + 2), (TARGET_COLOR, thick)):
+    around = cv2.dilate(mask.astype(np.uint8), np.ones((2 * thick + 1,) * 2, np.uint8))
+    found, _ = cv2.findContours(around, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    for color, thickness in ((OUTLINE, thick + 1), (TARGET_COLOR, thick)):
         cv2.drawContours(image, found, -1, color, thickness, cv2.LINE_AA)

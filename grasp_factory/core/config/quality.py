@@ -12,6 +12,8 @@ from grasp_factory.core.config.within import Within, check_within
 from grasp_factory.core.serialization import check
 
 BEST, WORST = 5, 1
+QUALITY_WORDS = ("very poor", "poor", "fair", "good", "very good")
+"""Of the scores, from the worst."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

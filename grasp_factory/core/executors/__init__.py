@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from grasp_factory.core.executors.base import (
+    Check,
     Executor,
     InlineExecutor,
     Recover,
     SendMessage,
     Silence,
     Task,
+    go_on,
 )
 from grasp_factory.core.executors.limited import LimitedExecutor, ProcessLimits
 from grasp_factory.core.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
 
 __all__ = [
     "JOBS_PER_PROCESS",
+    "Check",
     "Executor",
     "InlineExecutor",
     "LimitedExecutor",
@@ -24,6 +27,7 @@ __all__ = [
     "SendMessage",
     "Silence",
     "Task",
+    "go_on",
     "make_executor",
 ]
 

@@ -23,6 +23,14 @@ The message is None when a worker begins a job. A worker that is silent for long
 The seconds come from ``retry_policy`` and, for an episode, from ``run_request``."""
 
 
+Check = Callable[[], None]
+"""``check()`` is called several times a second while jobs run; what it raises ends the workers."""
+
+
+def go_on() -> None:
+    """Do nothing; this is the default for ``check``."""
+
+
 def give_up(job: Any, why: str) -> Any:
     """Raise for every lost worker; this is the default for ``recover``.
 

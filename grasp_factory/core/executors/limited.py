@@ -16,6 +16,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from grasp_factory.core.executors.base import (
+    Check,
     Executor,
     J,
     R,
@@ -25,6 +26,7 @@ from grasp_factory.core.executors.base import (
     Task,
     forever,
     give_up,
+    go_on,
 )
 from grasp_factory.core.executors.pool import ProcessExecutor
 from grasp_factory.core.limits import CHUNK, CPU, MEMORY, Limit
@@ -55,6 +57,7 @@ class LimitedExecutor(Executor):
 
     workers: int
     limits: ProcessLimits = SIMULATION
+    check: Check = go_on
 
     def run(
         self,
@@ -69,7 +72,7 @@ class LimitedExecutor(Executor):
         Raises:
             LimitError: if a job needs more memory or time than the limits allow.
         """
-        executor = ProcessExecutor(self.workers)
+        executor = ProcessExecutor(self.workers, check=self.check)
         return executor.run(Limited(task, self.limits), jobs, report, recover, silence)
 
 

@@ -24,6 +24,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from grasp_factory.core.executors.base import (
+    Check,
     Executor,
     J,
     R,
@@ -33,6 +34,7 @@ from grasp_factory.core.executors.base import (
     Task,
     forever,
     give_up,
+    go_on,
 )
 from grasp_factory.core.executors.serving import serve
 from grasp_factory.core.plugins.plugin_sources import allowed
@@ -40,6 +42,9 @@ from grasp_factory.errors import WorkerError
 
 JOBS_PER_PROCESS = 32
 """A worker is replaced after this many jobs: PyBullet's memory grows slowly over resets."""
+
+CHECK_S = 0.1
+"""Seconds between two calls of an executor's ``check``."""
 
 ONE_THREAD = {
     name: "1"
@@ -65,6 +70,7 @@ class ProcessExecutor(Executor):
 
     workers: int
     jobs_per_process: int = JOBS_PER_PROCESS
+    check: Check = go_on
 
     def run(
         self,
@@ -82,7 +88,8 @@ class ProcessExecutor(Executor):
             while todo or team:
                 while todo and len(team) < self.workers:
                     _hire(team, task, silence).give(*todo.pop())
-                for worker in _wait(team):
+                self.check()
+                for worker in _wait(team, math.inf if self.check is go_on else CHECK_S):
                     try:
                         kind, value = worker.receive()
                     except _LostError as lost:
@@ -178,10 +185,15 @@ class _Worker:
         return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
-def _wait(team: dict[Any, _Worker]) -> list[_Worker]:
-    """Wait, and return the workers that have sent a message or are silent for too long."""
+def _wait(team: dict[Any, _Worker], longest: float) -> list[_Worker]:
+    """Wait, and return the workers that have sent a message or are silent for too long.
+
+    Args:
+        team: the workers.
+        longest: seconds after which nobody needs to have done so.
+    """
     now = time.monotonic()
-    patience = min(worker.since + worker.allowed for worker in team.values()) - now
+    patience = min(longest, *(worker.since + worker.allowed - now for worker in team.values()))
     ready = connection.wait(list(team), None if patience == math.inf else max(patience, 0.0))
     if ready:
         return [team[pipe] for pipe in ready]

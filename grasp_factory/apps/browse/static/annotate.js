@@ -165,7 +165,10 @@ export function makeAnnotate(notes, episode, library, markList, signal) {
     why.hidden = !reason;
     for (const input of inputs) input.disabled = Boolean(reason);
     tags.replaceChildren(...value.tags.map((word) => tagItem(word, reason)));
-    score.replaceChildren(...QUALITIES.map((level) => scoreButton(level, value.quality, reason)));
+    score.replaceChildren(
+      ...QUALITIES.map((level) => scoreButton(level, value.quality, reason)),
+      h('span', { class: 'muted score-word' }, library.qualities[value.quality - 1] ?? ''),
+    );
     corrected.value = value.outcome ?? '';
     if (note.value === stored || note.value === value.note) showNote();
     if (document.activeElement !== name) name.value = who();
@@ -188,13 +191,15 @@ export function makeAnnotate(notes, episode, library, markList, signal) {
   }
 
   function scoreButton(level, current, reason) {
+    const word = library.qualities[level - 1];
     return h(
       'button',
       {
         type: 'button',
         'aria-pressed': String(level === current),
         disabled: reason !== '',
-        title: level === current ? 'Take the quality away' : `Quality ${level} of 5 (key ${level})`,
+        title: level === current ? 'Take the quality away' : `Quality ${level} of 5: ${word} (key ${level})`,
+        'aria-label': `${level}: ${word}`,
         dataset: { quality: level },
         onclick: () => notes.save([['quality', level === current ? null : level]]),
       },

@@ -14,7 +14,7 @@ function idOf(row) {
 }
 
 /** params: the grid's, which the episode's page goes on with. */
-export function card(row, params, library, after) {
+export function card(row, params, library) {
   const id = idOf(row);
   const name = `Episode ${row.row}`;
   const chosen = selected().has(id);
@@ -26,17 +26,22 @@ export function card(row, params, library, after) {
       class: 'card',
       tabindex: -1,
       'aria-label': `${name}, ${ended}, ${row.object_id ?? ''}`,
-      dataset: { testid: 'card', id, outcome, chosen: chosen ? '' : undefined },
+      dataset: { testid: 'card', id, outcome, version: row.version, chosen: chosen ? '' : undefined },
     },
     h(
-      'a',
-      {
-        class: 'thumb',
-        href: episodeHash(row.store, row.row, params),
-        tabindex: -1,
-        'aria-label': name,
-      },
-      row.status === 'quarantined' ? reason(row) : picture(row, after),
+      'div',
+      { class: 'shown' },
+      h(
+        'a',
+        {
+          class: 'thumb',
+          href: episodeHash(row.store, row.row, params),
+          tabindex: -1,
+          'aria-label': name,
+        },
+        row.status === 'quarantined' ? reason(row) : [picture(row, 0), picture(row, 1)],
+      ),
+      row.n_steps > 0 ? playButton(name) : null,
     ),
     h(
       'label',
@@ -68,35 +73,32 @@ export function card(row, params, library, after) {
         'div',
         { class: 'card-line card-foot' },
         h('span', { class: 'tags' }, tagsOf(row.tags ?? [])),
-        quality(row),
+        quality(row, library.qualities),
         remarks(row),
       ),
     ),
   );
 }
 
-/** Show the image before or after the attempt. */
-export function showFrame(node, after) {
-  const image = node.querySelector('img');
-  if (!image || node.dataset.frame === String(Number(after))) return;
-  node.dataset.frame = String(Number(after));
-  image.src = after ? image.dataset.after : image.dataset.before;
-}
-
-function picture(row, after) {
-  const source = (frame) =>
-    address(`/thumb/${row.store}/${row.row}.jpg`, { frame, v: row.version });
-  const [before, later] = [source(0), source(1)];
+/** frame: 0 before, 1 after the attempt. */
+function picture(row, frame) {
   return h('img', {
     alt: '',
     loading: 'lazy',
     decoding: 'async',
     width: 200,
     height: 150,
-    src: after ? later : before,
-    dataset: { before, after: later },
+    src: address(`/thumb/${row.store}/${row.row}.jpg`, { frame, v: row.version }),
     onerror: (event) => event.target.classList.add('missing'),
   });
+}
+
+function playButton(name) {
+  return h(
+    'button',
+    { type: 'button', class: 'play-card', tabindex: -1, 'aria-pressed': 'false', 'aria-label': `Play ${name}`, title: 'Play (v)' },
+    '▶',
+  );
 }
 
 function reason(row) {
@@ -122,14 +124,15 @@ function lift(row, library) {
   return h('span', { title: 'lift height' }, `↑ ${shownText(column, row.lift_height)}`);
 }
 
-function quality(row) {
+function quality(row, words) {
   const score = row.data_quality ?? row.quality;
   if (!score) return null;
-  const text = `quality ${score} of 5`;
   return h(
     'span',
-    { class: 'quality', title: text, role: 'img', 'aria-label': text },
-    [1, 2, 3, 4, 5].map((one) => h('i', one <= score ? { class: 'on' } : null)),
+    { class: 'quality muted', title: `quality ${score} of 5: ${words[score - 1]}` },
+    h('span', { class: 'visually-hidden' }, 'quality '),
+    words[score - 1],
+    h('span', { class: 'quality-bars', 'aria-hidden': 'true' }, [1, 2, 3, 4, 5].map((one) => h('i', one <= score ? { class: 'on' } : null))),
   );
 }
 

@@ -1,6 +1,7 @@
-// The cards of a page: which one has the focus, which are selected, which image they show.
+// The cards of a page: which one has the focus, which are selected, which one plays.
 
-import { card, showFrame } from './card.js';
+import { card } from './card.js';
+import { makeCardPlayer } from './cardclip.js';
 import { clear, h } from './dom.js';
 import { addAll, onChange, selected, toggle } from './selection.js';
 
@@ -9,12 +10,12 @@ const LAST = 'grasp-factory-last-card';
 /** params() -> the grid's parameters, which links to episodes carry. */
 export function cardList(library, params) {
   const node = h('ol', { class: 'cards', 'aria-label': 'Episodes', dataset: { testid: 'cards' } });
-  let after = false;
+  const player = makeCardPlayer(library);
   let anchor = null;
   let first = true;
   node.addEventListener('click', clicked);
-  node.addEventListener('mouseover', (event) => hover(event, true));
-  node.addEventListener('mouseout', (event) => hover(event, false));
+  node.addEventListener('pointerover', pointed);
+  node.addEventListener('pointerout', left);
 
   /** Empty cards, until the first ones come. */
   function wait() {
@@ -24,7 +25,8 @@ export function cardList(library, params) {
 
   function draw(rows) {
     const focused = current()?.dataset.id;
-    clear(node).append(...rows.map((row) => card(row, params(), library, after)));
+    player.stop();
+    clear(node).append(...rows.map((row) => card(row, params(), library)));
     node.hidden = rows.length === 0;
     anchor = null;
     const cards = [...node.children];
@@ -51,6 +53,7 @@ export function cardList(library, params) {
     const one = event.target.closest('.card');
     if (!one?.dataset.id) return;
     if (event.target instanceof HTMLInputElement) choose(one, event.shiftKey);
+    else if (event.target.closest('.play-card')) player.toggle(one);
     else if (event.target.closest('.thumb')) remember(one.dataset.id);
     else if (!event.target.closest('.choose')) focus(one);
   }
@@ -64,14 +67,16 @@ export function cardList(library, params) {
     anchor = one.dataset.id;
   }
 
-  function hover(event, hovered) {
-    const one = event.target.closest('.thumb')?.parentElement;
-    if (one && !one.contains(event.relatedTarget)) showFrame(one, hovered !== after);
+  function pointed(event) {
+    const thumb = event.target.closest('.thumb');
+    if (thumb && event.pointerType === 'mouse') player.hover(thumb.closest('.card'));
   }
 
-  function showAfter(value) {
-    after = value;
-    for (const one of node.children) showFrame(one, after);
+  /** From the picture to its own play button is not left. */
+  function left(event) {
+    const one = event.target.closest('.card');
+    const to = event.relatedTarget instanceof Element ? event.relatedTarget.closest('.thumb, .play-card') : null;
+    if (one && event.pointerType === 'mouse' && to?.closest('.card') !== one) player.stop(one);
   }
 
   /** What keys do now, by their names. */
@@ -89,7 +94,7 @@ export function cardList(library, params) {
       ...found,
       x: () => choose(now, false),
       X: () => choose(now, true),
-      a: () => showFrame(now, now.dataset.frame !== '1'),
+      v: () => player.toggle(now),
       Home: () => focus(node.firstElementChild),
       End: () => focus(node.lastElementChild),
     };
@@ -126,7 +131,12 @@ export function cardList(library, params) {
     location.hash = one.querySelector('.thumb').hash;
   }
 
-  return { node, wait, draw, showAfter, acts, end: onChange(drawSelection) };
+  const deaf = onChange(drawSelection);
+  const end = () => {
+    player.stop();
+    deaf();
+  };
+  return { node, wait, draw, acts, end };
 }
 
 // The card that was opened last has the focus when the grid comes back.

@@ -4,7 +4,7 @@ import { getJson } from './api.js';
 import { NOTHING, inOrder, makeClock, nearest } from './clock.js';
 import { makeCloud } from './cloud.js';
 import { makeCurves } from './curves.js';
-import { h, isTyping } from './dom.js';
+import { fold, h, isNarrow, isTyping } from './dom.js';
 import { FACT_GROUPS, factText } from './facts.js';
 import { amount, badge, readable } from './format.js';
 import { makeImages } from './images.js';
@@ -101,9 +101,17 @@ export async function show(root, route, library, left) {
       const clock = follower(shared, series.time, offset);
       const parts = { store, row, episode, series, library, clock, marks: NO_MARKS, signal: left };
       const images = makeImages(parts);
-      const cloud = makeCloud(parts);
-      ends.push(images.stop, cloud.stop);
-      panels.push(images.scene, images.stills, makeTactile({ ...parts, brightest }).node, cloud.node);
+      const cloud = () => {
+        const made = makeCloud(parts);
+        ends.push(made.stop);
+        return made.node;
+      };
+      const touch = () => makeTactile({ ...parts, brightest }).node;
+      ends.push(images.stop);
+      if (isNarrow()) {
+        const folded = [['Before and after', () => images.stills], ['Touch', touch], ['3-D', cloud]];
+        panels.push(images.scene, folded.map(([title, make]) => fold(title, make, 'panel folded')));
+      } else panels.push(images.scene, images.stills, touch(), cloud());
     } else {
       panels.push(h('pre', { class: 'panel error-text' }, episode.error || 'quarantined'));
     }
@@ -220,10 +228,16 @@ function lines(group, times, x, side) {
 function factTable(sides, library) {
   const told = new Map(library.columns.map((column) => [column.name, column]));
   const body = [group('Episode', ['outcome', ...WORDS], ({ index }) => index)];
+  const differing = h('input', {
+    type: 'checkbox',
+    checked: isNarrow(),
+    dataset: { testid: 'only-different' },
+  });
   for (const { title, names } of FACT_GROUPS) body.push(group(title, names, ({ columns }) => columns ?? {}));
   return h(
     'section',
     { class: 'panel compared-facts' },
+    h('label', { class: 'key' }, differing, 'Only what differs'),
     h(
       'table',
       { dataset: { testid: 'compare-facts' } },

@@ -1,7 +1,7 @@
 // Curves of an attempt, a chart for each group, all on one time axis that follows the clock.
 
 import { nearest } from './clock.js';
-import { h } from './dom.js';
+import { h, isNarrow } from './dom.js';
 import { unitText } from './units.js';
 import { cssColor } from './format.js';
 import { leastSpan, makeLegend, tickTexts } from './legend.js';
@@ -12,6 +12,7 @@ const AXIS_X = 22;
 const AXIS_Y = 52;
 const CLICK = 4; // px; a pointer that moved farther was dragged
 const HIDDEN = 'grasp-factory-hidden-curves';
+const FIRST = ['gripper_width', 'pad_force', 'object_height'];
 
 /**
  * groups: [{key, title, units, x: seconds, series: [{name, values, color: a CSS variable, dash}]}];
@@ -21,7 +22,7 @@ const HIDDEN = 'grasp-factory-hidden-curves';
  */
 export function makeCurves(groups, bands, clock) {
   const sync = uPlot.sync('attempt');
-  const hidden = new Set(recall());
+  const hidden = new Set(recall() ?? hiddenAtFirst(groups));
   const charts = [];
   const list = h('div', { class: 'charts', dataset: { testid: 'curves' } });
   const whole = { min: clock.start, max: Math.max(clock.end, clock.start + 1e-3) };
@@ -246,11 +247,18 @@ function inView(u, bands) {
 }
 
 // Which groups a person hid holds for the next episode; a browser that keeps nothing shows all.
+/** A narrow screen begins with the few groups that say most about a grasp. */
+function hiddenAtFirst(groups) {
+  const first = groups.filter(({ key }) => FIRST.includes(key));
+  return isNarrow() && first.length ? groups.map(({ key }) => key).filter((key) => !FIRST.includes(key)) : [];
+}
+
+/** The keys that a person has hidden; null where nobody has chosen yet. */
 function recall() {
   try {
-    return JSON.parse(sessionStorage.getItem(HIDDEN) ?? '[]');
+    return JSON.parse(sessionStorage.getItem(HIDDEN) ?? 'null');
   } catch {
-    return [];
+    return null;
   }
 }
 

@@ -24,6 +24,18 @@ export function svg(tag, props = null, ...children) {
   return fill(document.createElementNS(SVG, tag), props, children);
 }
 
+/** A part that is made when it is first opened; class is that of its element. */
+export function fold(title, make, name = null) {
+  const body = h('div', { class: 'fold-body' });
+  const open = () => body.childElementCount || body.append(...[make()].flat(3).filter(Boolean));
+  return h('details', { class: name, ontoggle: open }, h('summary', null, title), body);
+}
+
+/** True on a screen as narrow as a phone's. */
+export function isNarrow() {
+  return matchMedia('(max-width: 700px)').matches;
+}
+
 /** Remove all children; returns the node. */
 export function clear(node) {
   node.replaceChildren();

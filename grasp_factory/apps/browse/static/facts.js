@@ -1,6 +1,6 @@
 // What is stored about an episode, in words: measurements, all columns, recipe, and its command.
 
-import { h } from './dom.js';
+import { fold, h } from './dom.js';
 import { amount, readable } from './format.js';
 import { notice } from './overlays.js';
 import { shownText, shownUnit } from './units.js';
@@ -9,6 +9,7 @@ const MEASURED = [
   ...['lift_height', 'slip_distance', 'slip_angle', 'min_grip_force', 'hold_duration', 'shake_level'],
   ...['loss_time', 'max_penetration', 'contact_area', 'table_penetration', 'collision_body'],
 ];
+const SCORES = ['quality', 'data_quality'];
 const SEEN = [
   ...['quality', 'force_residual', 'stream_gap', 'sharpness', 'exposure', 'clipped'],
   ...['target_visibility', 'target_pixels', 'depth_holes'],
@@ -59,6 +60,7 @@ export function factText(name, value, told, library) {
   }
   if (Array.isArray(value)) return value.map((one) => factText('', one, told, library)).join(', ');
   if (typeof value === 'boolean') return value ? 'yes' : 'no';
+  if (SCORES.includes(name) && value) return `${value}: ${library.qualities[value - 1] ?? ''}`;
   const column = told.get(name);
   return column?.shown && typeof value === 'number' ? shownText(column, value) : amount(value, shownUnit(column), 4);
 }
@@ -76,13 +78,6 @@ function table(title, names, columns, told, library) {
       ]),
     ),
   ];
-}
-
-/** A part that is made when it is first opened. */
-function fold(title, make) {
-  const body = h('div', { class: 'fold-body' });
-  const open = () => body.childElementCount || body.append(...[make()].flat(3).filter(Boolean));
-  return h('details', { ontoggle: open }, h('summary', null, title), body);
 }
 
 function tree(value, name = null) {

@@ -9,6 +9,7 @@ import { count, plural, share } from './format.js';
 import { pager } from './paging.js';
 import { gridHash, paramsOf, stateOf } from './routes.js';
 import { selectionBar } from './selectionbar.js';
+import { firstTour } from './tour.js';
 
 const PAGE = 60;
 const MOST_BINS = 200;
@@ -17,7 +18,7 @@ const HELP = [
   ['Enter', 'open the episode'],
   ['x', 'select it, or no longer'],
   ['Shift x', 'select all from the last one on'],
-  ['a', 'show it after the attempt'],
+  ['v', 'play it, or stop'],
   ['/', 'filter'],
   ['n p', 'next, previous page'],
   ['t', 'tag the selected'],
@@ -50,18 +51,6 @@ export async function show(root, route, library, left) {
   const cards = cardList(library, () => paramsOf(state));
   const troubles = h('div', { class: 'troubles' });
   const message = h('div', { class: 'state', hidden: true, dataset: { testid: 'grid-state' } });
-  const frames = ['Before', 'After'].map((text, frame) =>
-    h(
-      'button',
-      {
-        type: 'button',
-        'aria-pressed': frame === 0,
-        dataset: { testid: `show-${text.toLowerCase()}` },
-        onclick: () => setAfter(frame === 1),
-      },
-      text,
-    ),
-  );
   const fold = h(
     'details',
     { class: 'side panel', open: innerWidth > 900 },
@@ -78,7 +67,6 @@ export async function show(root, route, library, left) {
         { class: 'grid-head' },
         h('h1', null, number, ' ', rate),
         h('span', { class: 'grow' }),
-        h('div', { class: 'segments', role: 'group', 'aria-label': 'Image' }, frames),
         sort.node,
         filter.node,
       ),
@@ -95,6 +83,7 @@ export async function show(root, route, library, left) {
   document.addEventListener('keydown', keys);
   left.addEventListener('abort', () => loading.abort());
   await load();
+  if (rows.length && !left.aborted) firstTour();
 
   const leave = () => {
     loading.abort();
@@ -243,11 +232,6 @@ export async function show(root, route, library, left) {
         button('Try again', () => load({ all: true })),
       );
     }
-  }
-
-  function setAfter(after) {
-    frames.forEach((one, frame) => one.setAttribute('aria-pressed', after === (frame === 1)));
-    cards.showAfter(after);
   }
 
   function keys(event) {

@@ -177,7 +177,7 @@ export function numberBars({ columns, range, choose }) {
     const missing = found.missing ? `; ${count(found.missing)} without a value` : '';
     const total = found.counts.reduce((a, b) => a + b, 0);
     const values = `${count(total)} values${missing}`;
-    said.textContent = `${values}; dark: successes. Drag over a range to filter.`;
+    said.textContent = `${values}; blue: successes. Drag over a range to filter.`;
   }
 
   function options(found) {

@@ -2,7 +2,9 @@
 
 import { lastUntil } from './clock.js';
 import { h } from './dom.js';
+import { drawImage } from './clips.js';
 import { readable } from './format.js';
+import { makeMotionClips } from './motionclip.js';
 import { stands } from './projection.js';
 import { SCENE_KEYS, drawScene } from './scene.js';
 import { segments } from './segments.js';
@@ -18,7 +20,7 @@ const chosen = { camera: '', kind: 'rgb', isDrawn: true };
  * marks: see marks.js; its layers lie over the stills.
  * Returns {scene, stills, stop}, two panels; the clock's own listeners end with clock.stop().
  */
-export function makeImages({ store, row, episode, series, library, clock, marks }) {
+export function makeImages({ store, row, episode, series, library, clock, marks, signal }) {
   const cameras = Object.keys(episode.cameras);
   // Of two episodes beside one another, each has its own.
   const view = { ...chosen, camera: cameras.includes(chosen.camera) ? chosen.camera : cameras[0] };
@@ -29,12 +31,14 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
   const film = (camera, i) => `/video/${at}/${encodeURIComponent(camera)}/${i}.jpg?v=${version}`;
 
   const picture = h('img', { class: 'picture', alt: '', draggable: 'false' });
+  const moving = h('canvas', { class: 'over', 'aria-hidden': 'true', hidden: true, dataset: { testid: 'scene-clip' } });
   const canvas = h('canvas', { class: 'over', 'aria-hidden': 'true' });
   const source = h('span', { class: 'source' });
   const frameBox = h(
     'div',
     { class: 'frame', dataset: { testid: 'scene-image' } },
     picture,
+    moving,
     canvas,
     source,
   );
@@ -43,6 +47,10 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
   const stills = FRAMES.map((name, frame) => makeStill(name, frame, marks));
   const tabs = h('div', { class: 'tabs' });
   const ahead = new Map();
+  const motion = makeMotionClips({ store, row, episode, signal }, () => {
+    keys.replaceChildren(...sceneKeys());
+    move();
+  });
 
   function choose(changes) {
     Object.assign(view, changes);
@@ -88,7 +96,8 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
   /** Where the camera moves with the hand, its pose during the attempt is not known here. */
   function isMovingFilm() {
     const camera = episode.cameras[view.camera];
-    return view.kind === 'rgb' && camera.video_frames > 0 && !clock.isEmpty && !stands(camera);
+    const isFilm = camera.video_frames > 0 || motion.has(view.camera);
+    return view.kind === 'rgb' && isFilm && !clock.isEmpty && !stands(camera);
   }
 
   function move() {
@@ -99,6 +108,8 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
       source.textContent = shown.words;
     }
     swap(picture, shown.url);
+    moving.hidden = !shown.image;
+    if (shown.image) drawImage(moving, shown.image);
     picture.alt = `${view.camera}, ${view.kind}: ${shown.words}`;
     frameBox.dataset.time = clock.time.toFixed(4);
     canvas.hidden = !view.isDrawn || isMovingFilm();
@@ -118,7 +129,11 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
     }
     const frame = clock.isOver ? 1 : 0;
     const words = `${FRAMES[frame]} the attempt`;
-    return { name: FRAMES[frame], words, url: still(view.camera, view.kind, frame), frame };
+    const shown = { name: FRAMES[frame], words, url: still(view.camera, view.kind, frame), frame };
+    if (view.kind !== 'rgb' || clock.isEmpty || clock.isOver || clock.time <= clock.times[0]) return shown;
+    const { image, time, said } = motion.at(view.camera, clock.time);
+    if (!image) return { ...shown, name: `${shown.name} ${said}`, words: `${words}; ${said}` };
+    return { ...shown, name: `clip:${time.toFixed(2)}`, words: `rendered, ${time.toFixed(2)} s`, image };
   }
 
   function preload(i) {
@@ -142,6 +157,7 @@ export function makeImages({ store, row, episode, series, library, clock, marks 
     ),
     stop() {
       sized.disconnect();
+      motion.stop();
       ahead.clear();
     },
   };

@@ -15,6 +15,7 @@ import { plural } from './format.js';
 import { openDialog, showHelp } from './overlays.js';
 import { parse } from './routes.js';
 import { openSelection } from './selection.js';
+import { showTour } from './tour.js';
 
 // Loaded when first shown: the grid does not wait for the 3-D library.
 const PAGES = {
@@ -113,7 +114,8 @@ function keys(event) {
 }
 
 function help() {
-  showHelp('Keys', [...(shown.leave?.help ?? []), ['?', 'this list'], ['Esc', 'close, or back']]);
+  const keysNow = [...(shown.leave?.help ?? []), ['?', 'this list'], ['Esc', 'close, or back']];
+  showHelp('Keys', keysNow, shown.name === 'grid' ? showTour : null);
 }
 
 function drawTop() {

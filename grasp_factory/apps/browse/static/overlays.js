@@ -2,8 +2,8 @@
 
 import { clear, h } from './dom.js';
 
-/** keys: [['x', 'select'], ['← →', 'previous, next'], ...] */
-export function showHelp(title, keys) {
+/** keys: [['x', 'select'], ['← →', 'previous, next'], ...]; tour() shows the page's tour, if it has one. */
+export function showHelp(title, keys, tour = null) {
   if (document.querySelector('dialog[open]')) return;
   const rows = keys.map(([key, text]) => [
     h(
@@ -13,7 +13,12 @@ export function showHelp(title, keys) {
     ),
     h('dd', null, text),
   ]);
-  const dialog = openDialog(title, h('dl', { class: 'keys' }, rows));
+  const again = () => {
+    dialog.close();
+    tour();
+  };
+  const more = tour && h('button', { type: 'button', dataset: { testid: 'show-tour' }, onclick: again }, 'Show the tour');
+  const dialog = openDialog(title, h('dl', { class: 'keys' }, rows), more);
   dialog.dataset.testid = 'help';
 }
 

@@ -31,7 +31,7 @@ export function selectionBar(library, state, changed) {
     { testid: 'compare', title: 'Two episodes side by side (c)' },
     openCompare,
   );
-  const tag = button('Tag …', { testid: 'bulk-tag' }, () => tagDialog(changed));
+  const tag = button('Tag …', { testid: 'bulk-tag' }, () => tagDialog(library, changed));
   const why = h('span', { class: 'muted small why', dataset: { testid: 'read-only-reason' } });
   const chosen = h('div', { class: 'row chosen' }, none, save, copy, compare, tag, why);
   const node = h(
@@ -95,12 +95,12 @@ export function selectionBar(library, state, changed) {
     node,
     draw,
     compare: openCompare,
-    tag: () => !tag.disabled && selected().size && tagDialog(changed),
+    tag: () => !tag.disabled && selected().size && tagDialog(library, changed),
     end: () => ends.forEach((end) => end()),
   };
 }
 
-function tagDialog(changed) {
+function tagDialog(library, changed) {
   const n = selected().size;
   const name = h('input', {
     type: 'text',
@@ -114,7 +114,7 @@ function tagDialog(changed) {
     [
       ['', 'as it is'],
       ['null', 'not judged'],
-      ...[1, 2, 3, 4, 5].map((one) => [String(one), `${one} of 5`]),
+      ...library.qualities.map((word, i) => [String(i + 1), `${i + 1}: ${word}`]),
     ].map(([value, text]) => h('option', { value }, text)),
   );
   const said = h('p', { class: 'muted', role: 'status', dataset: { testid: 'bulk-said' } });
