@@ -13,6 +13,7 @@ import click
 
 from grasp_factory.cli.params import AS_JSON, Command
 from grasp_factory.cli.printing import print_json, say, say_lines
+from grasp_factory.core.config.quality import quality_text
 from grasp_factory.core.optional import require
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.text_format import percent, table
@@ -72,7 +73,7 @@ def _lines(session: Path, found: SessionCheck) -> Iterator[str]:
         yield f"{name}: {_number(value)}"
     for text in found.shortcomings:
         yield f"missed: {text}"
-    yield f"{session}: quality {found.score} of 5"
+    yield f"{session}: quality {quality_text(found.score)}"
 
 
 def _number(value: float, unit: str = "") -> str:

@@ -37,7 +37,7 @@ SHOWN_UNITS: Mapping[str, ShownUnit] = {
     "object_height": MILLIMETRES,
     "max_penetration": ShownUnit("mm", 1e3, 2),
     "table_penetration": ShownUnit("mm", 1e3, 2),
-    "contact_area": ShownUnit("mm²", 1e6, 1),
+    "contact_area": ShownUnit("mm²", 1e6, 2),
     "object_mass": ShownUnit("g", 1e3, 0),
     "min_grip_force": ShownUnit("N", 1.0, 1),
     "hold_duration": ShownUnit("s", 1.0, 2),

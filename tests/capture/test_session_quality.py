@@ -98,7 +98,7 @@ def test_a_good_session_has_the_best_score(tmp_path: Path, run: Run) -> None:
     }
     code, out, err = run("capture", "check", folder)
     assert code == 0, err
-    assert out.splitlines()[-1] == f"{folder}: quality 5 of 5"
+    assert out.splitlines()[-1] == f"{folder}: quality 5 of 5, very good"
     assert "30 Hz" in out
 
 
@@ -111,7 +111,7 @@ def test_a_missed_tolerance_is_named_and_ends_with_1(tmp_path: Path, run: Run) -
     assert "missed: stream_gap 20, valid: at most 3 (max_stream_gap)" in out
     assert "missed: lost 0.0475, valid: at most 0.01 (max_lost)" in out
     assert "missed: sync_spread 0.0" in out
-    assert f"{folder}: quality 3 of 5" in out
+    assert f"{folder}: quality 3 of 5, fair" in out
     code, out, _ = run("capture", "check", folder, "--json")
     data = json.loads(out)
     assert (code, data["score"], len(data["shortcomings"])) == (1, 3, 3)

@@ -7,6 +7,7 @@ each in a process of its own whose time and memory are measured.
 from __future__ import annotations
 
 import itertools
+import multiprocessing
 import os
 import shutil
 import subprocess
@@ -80,6 +81,8 @@ PAGES = (
     *("video/0/{row}/front/0.jpg", "cloud/0/{row}/0"),
 )
 """What the page is asked for."""
+RECIPES = [name for name in ATTACKS if "row with a recipe" in name]
+FEW_RECIPES = 2
 USUAL = 100
 """Attacks in a normal run; a soak runs all of them."""
 MOST_S, MOST_KB = 10.0, 1_000_000
@@ -154,6 +157,23 @@ def check_page(store: Path, folder: Path) -> None:
                 assert answer.status_code in (200, 304, 400, 404, 409, 413, 503), page
     except GraspFactoryError as error:
         assert "\n" not in str(error)
+
+
+@pytest.mark.usefixtures("isolated")
+@pytest.mark.parametrize("name", sampled(RECIPES, FEW_RECIPES))
+def test_the_clip_of_a_hostile_recipe_ends_with_its_process(name: str, place: Path) -> None:
+    store, outside = place / "data" / "s.zarr", victim(place)
+    ATTACKS[name](store, outside)
+    before = state(outside)
+    with fresh([store], place / "out" / "index.sqlite") as index:
+        app = create_app(index, "", {"localhost"}, thumbnails=Thumbnails(place / "out"))
+        answer = app.test_client().get("/clip/0/0/front/small")
+    assert answer.status_code in (200, 400, 404, 503)
+    if answer.status_code == 200 and answer.data[:4] == bytes(4):
+        assert b"\n" not in answer.data
+        assert not {0x1B, 0x07} & set(answer.data)
+    assert multiprocessing.active_children() == []
+    assert state(outside) == before
 
 
 def test_every_command_that_reads_a_store_meets_the_attacks() -> None:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any, NoReturn
 
 from flask import abort
@@ -26,7 +27,9 @@ from grasp_factory.errors import StoreError
 from grasp_factory.factory.plugins import check_given
 
 SIZES = {"small": (200, 24), "large": (480, 60)}
-"""Width in pixels and maximum number of images of the clips of cards and of an episode's page."""
+"""Longer side in pixels and maximum number of images: of cards, and of an episode's page."""
+PRUNED_AFTER = 50
+"""Clips that are made before the cache is pruned: a server may run for long."""
 WAITING = 3
 """Requests for clips at once: one is made, the others wait."""
 SUFFIX = ".clip"
@@ -61,6 +64,7 @@ class Clips:
     """Makes clips, one at a time."""
 
     cache: Thumbnails
+    _made_before: Iterator[int] = field(default_factory=lambda: count(1))
     _making: threading.Lock = field(default_factory=threading.Lock)
     _places: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING)
@@ -80,6 +84,10 @@ class Clips:
         """
         return self.cache.get(wanted.key, lambda: self._made(wanted, is_gone), SUFFIX)
 
+    def _prune_at_times(self) -> None:
+        if next(self._made_before) % PRUNED_AFTER == 0:
+            self.cache.prune()
+
     def _made(self, wanted: WantedClip, is_gone: IsGone) -> bytes:
         def check() -> None:
             if is_gone():
@@ -92,6 +100,7 @@ class Clips:
             while not self._making.acquire(timeout=CHECK_S):
                 check()
             try:
+                self._prune_at_times()
                 return _rendered(wanted, check)
             finally:
                 self._making.release()
@@ -112,8 +121,8 @@ def _rendered(wanted: WantedClip, check: Check) -> bytes:
     def lost(job: Any, why: str) -> NoReturn:
         raise StoreError(f"episode {wanted.row} of {path}: {isolation.ended(why)}")
 
-    width, most = SIZES[wanted.size]
-    job = ClipJob(path=path, row=wanted.row, camera=wanted.camera, width=width, most=most)
+    side, most = SIZES[wanted.size]
+    job = ClipJob(path=path, row=wanted.row, camera=wanted.camera, side=side, most=most)
     (made,) = isolation.isolated(check=check).run(
         make_clip, [job], _ignore, lost, isolation.patience
     )

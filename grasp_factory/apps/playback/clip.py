@@ -34,8 +34,8 @@ class ClipJob:
     """An episode that is committed."""
     camera: str
     """One of the episode's."""
-    width: int
-    """Pixels; the height follows from the episode's images."""
+    side: int
+    """Pixels of the longer side; the other follows from the episode's images."""
     most: int
     """Maximum number of images."""
 
@@ -53,11 +53,11 @@ def make_clip(job: ClipJob, report: SendMessage) -> bytes:
     activate(dataset.config)
     embedded_assets.unpack(job.path, dataset.config)
     episode = dataset[job.row]
-    width, height = episode.spec.resolution
-    size = (job.width, max(1, round(job.width * height / width)))
+    scale = job.side / max(episode.spec.resolution)
+    width, height = (max(1, round(scale * pixels)) for pixels in episode.spec.resolution)
     with PosedWorld(dataset.config.renderer) as world:
         camera = stored_or_named_camera(episode.spec, job.camera)
-        playback = Playback(world, episode, camera, size)
+        playback = Playback(world, episode, camera, (width, height))
         times = clip_times(playback.track.duration, job.most)
         images = []
         for time, image in playback.frames(times):

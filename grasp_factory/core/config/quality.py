@@ -16,6 +16,12 @@ QUALITY_WORDS = ("very poor", "poor", "fair", "good", "very good")
 """Of the scores, from the worst."""
 
 
+def quality_text(score: int) -> str:
+    """Return a score in words, such as ``4 of 5, good``; one that cannot be has no word."""
+    word = f", {QUALITY_WORDS[score - WORST]}" if WORST <= score <= BEST else ""
+    return f"{score} of {BEST}{word}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QualityConfig:
     """The thresholds behind the quality score, and the score that an episode must have."""

@@ -127,11 +127,12 @@ function lift(row, library) {
 function quality(row, words) {
   const score = row.data_quality ?? row.quality;
   if (!score) return null;
+  const word = words[score - 1] ?? String(score);
   return h(
     'span',
-    { class: 'quality muted', title: `quality ${score} of 5: ${words[score - 1]}` },
+    { class: 'quality muted', title: `quality ${score} of 5: ${word}` },
     h('span', { class: 'visually-hidden' }, 'quality '),
-    words[score - 1],
+    word,
     h('span', { class: 'quality-bars', 'aria-hidden': 'true' }, [1, 2, 3, 4, 5].map((one) => h('i', one <= score ? { class: 'on' } : null))),
   );
 }

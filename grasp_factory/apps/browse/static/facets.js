@@ -21,7 +21,7 @@ export function facets(library, change) {
     bars('policy', 'Policy'),
     bars('object_family', 'Object family'),
     bars('split', 'Split'),
-    bars('data_quality', 'Quality', { named: (value) => `${value}: ${library.qualities[value - 1]}` }),
+    bars('data_quality', 'Quality', { named: (value) => `${value}: ${library.qualities[value - 1] ?? '–'}` }),
     bars('tags', 'Tags', { named: String }),
     library.stores.length > 1
       ? bars('store', 'Store', {

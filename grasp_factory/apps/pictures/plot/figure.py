@@ -19,7 +19,7 @@ from grasp_factory.apps.pictures.plot.pictures import draw_pictures
 from grasp_factory.apps.pictures.plot.style import LARGE, SMALL, PageLayout, drawable
 from grasp_factory.apps.pictures.plot.touch import draw_touch
 from grasp_factory.core import palette
-from grasp_factory.core.config.quality import BEST, QUALITY_WORDS
+from grasp_factory.core.config.quality import quality_text
 from grasp_factory.core.enums import label_names, word_of
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.shown_units import SHOWN_UNITS
@@ -97,8 +97,7 @@ def facts(episode: Episode) -> list[str]:
     if spec.objects[0].mass is not None:
         words.append(f"mass {SHOWN_UNITS['object_mass'].text(spec.objects[0].mass)}")
     if columns.get("quality"):
-        score = int(columns["quality"])
-        words.append(f"quality {score} of {BEST}, {QUALITY_WORDS[score - 1]}")
+        words.append(f"quality {quality_text(int(columns['quality']))}")
     return words
 
 
