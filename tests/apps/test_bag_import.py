@@ -519,6 +519,13 @@ def test_a_damaged_bag_is_one_line_and_nothing_is_left(run: Run, tmp_path: Path,
         assert list(tmp_path.iterdir()) == [bag]
 
 
+def test_a_cut_mcap_file_says_how_to_make_it_whole(run: Run, tmp_path: Path) -> None:
+    bag = written(tmp_path / "b.mcap", b"\x89MCAP0\r\n" + bytes(100))
+    code, _, err = run("import", bag, "--list")
+    assert (code, err.count("\n")) == (1, 1)
+    assert "it has no end, as after a recorder was killed; make it whole with `mcap recover`" in err
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_bag_that_is_cut_anywhere_gives_one_error_or_all_of_a_part(
     tmp_path: Path, name: str

@@ -17,7 +17,9 @@ from rosbags.typesys import Stores, get_typestore
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import GraspFactoryError, StoreError, UsageError, shown
 
-_SUFFIXES = {b"#ROSBAG V2.0\n": ".bag", b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\0": ".db3"}
+_MCAP = b"\x89MCAP0\r\n"
+"""The first and the last bytes of a file."""
+_SUFFIXES = {b"#ROSBAG V2.0\n": ".bag", _MCAP: ".mcap", b"SQLite format 3\0": ".db3"}
 """Suffixes that rosbags tells the formats by, by how files of the formats begin."""
 _METADATA = "metadata.yaml"
 _VALID = (
@@ -91,6 +93,18 @@ def _first_byte(file: Path) -> bytes:
         return opened.read(1)
 
 
+def _check_end(bag: Path) -> None:
+    """Check that a file of MCAP was written to its end."""
+    with reading(bag), bag.open("rb") as file:
+        file.seek(-len(_MCAP), os.SEEK_END)
+        is_whole = file.read() == _MCAP
+    if not is_whole:
+        raise StoreError(
+            f"{bag} cannot be read: it has no end, as after a recorder was killed; make it whole"
+            " with `mcap recover`, or a session's folder with `grasp-factory capture recover`"
+        )
+
+
 @contextlib.contextmanager
 def opened(bag: Path, aside: Path) -> Iterator[AnyReader]:
     """Yield a reader of a bag.
@@ -103,7 +117,10 @@ def opened(bag: Path, aside: Path) -> Iterator[AnyReader]:
         UsageError: if it is no bag.
         StoreError: if it is damaged.
     """
-    name = f"bag{bag_suffix(bag)}"  # rosbags goes by the suffix
+    suffix = bag_suffix(bag)
+    if suffix == ".mcap":
+        _check_end(bag)
+    name = f"bag{suffix}"  # rosbags goes by the suffix
     (aside / name).symlink_to(bag.absolute())
     with contextlib.ExitStack() as stack:
         stack.enter_context(_temporary_files_in(aside))
