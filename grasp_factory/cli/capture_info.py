@@ -16,6 +16,7 @@ from grasp_factory.core.optional import require
 from grasp_factory.core.text_format import count, size_text, table
 
 if TYPE_CHECKING:
+    from grasp_factory.capture.session.clock_state import ClockState
     from grasp_factory.capture.session.session_reading import SessionFacts
 
 SESSION = click.argument("session", metavar="SESSION", type=click.Path(path_type=Path))
@@ -92,6 +93,8 @@ def _lines(facts: SessionFacts) -> Iterator[str]:
     yield f"{facts.path}: {facts.duration_s:.1f} s, {size_text(facts.bytes)}, {how}"
     if not facts.is_complete:
         yield f"its file has no end; if it is not being recorded: capture recover {facts.path}"
+    if record and record.clock:
+        yield _clock_line(record.clock)
     rows = [("topic", "messages", "Hz", "longest gap", "lost")]
     for topic in facts.topics:
         rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:.4g}"
@@ -109,3 +112,10 @@ def _lines(facts: SessionFacts) -> Iterator[str]:
         yield f"  {at:.1f} s  {what}: {event.get('text', '')}"
     if len(alarms) > MOST_ALARMS:
         yield f"  and {len(alarms) - MOST_ALARMS} more; --json prints all"
+
+
+def _clock_line(clock: ClockState) -> str:
+    if not clock.is_synchronised:
+        return "the clock of this machine was kept by neither PTP nor NTP"
+    within = f"{1e3 * clock.estimated_error_s:.3f} ms, at most {1e3 * clock.largest_error_s:.3f} ms"
+    return f"the clock of this machine was kept by PTP or NTP, within {within}"

@@ -18,6 +18,7 @@ from grasp_factory.capture.devices.base import DeviceModel
 from grasp_factory.capture.samples import DeviceKind
 from grasp_factory.capture.session import events
 from grasp_factory.capture.session.camera_info import camera_intrinsics
+from grasp_factory.capture.session.clock_state import clock_state
 from grasp_factory.capture.session.events import EventLog, SessionEvent
 from grasp_factory.capture.session.hook import MotionHook
 from grasp_factory.capture.session.monitor import SessionMonitor
@@ -226,6 +227,7 @@ class SessionRecorder:
     def _begin(self) -> None:
         self._folder = SessionFolder.create(self.out, self.config, self._calibrations)
         self.started_ns, self.offset_ns = host_clock()
+        self._clock = clock_state()
         self._descriptor = self._folder.open_data()
         self._file = SessionFile(self._descriptor, self.config.compression)
         self._folder.write_head(self._file, self.started_ns, self.offset_ns)
@@ -261,6 +263,7 @@ class SessionRecorder:
             ended=self._why,
             ended_cleanly=self._writer.error is None,
             offset_ns=self.offset_ns,
+            clock=self._clock,
             bytes=self._file.position,
             devices={station.name: self._device_record(station) for station in self.stations},
             events=dict(self.log.counts),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
+from grasp_factory.capture.session.clock_state import ClockState
 from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import DOCUMENT
 from grasp_factory.core.place import Place
@@ -65,6 +66,8 @@ class RecordedSession:
     """The MCAP file to read."""
     offset_ns: int = 0
     """The epoch's time minus this machine's monotonic time."""
+    clock: ClockState | None = None
+    """The system's clock when it started; None where that is not known."""
     bytes: int = 0
     devices: Mapping[str, RecordedDevice] = field(default_factory=dict)
     events: Mapping[str, int] = field(default_factory=dict)
