@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from mcap.writer import CompressionType, Writer
@@ -149,6 +149,7 @@ def test_a_record_and_a_chunk_that_claim_to_be_huge_are_refused(
         read_series(folder)
 
 
+@example(150, 6)  # a chunk that says to have 25 GB
 @given(st.integers(0, 10**6), st.integers(1, 255))
 def test_a_flipped_byte_is_an_error_or_harmless(
     tmp_path_factory: pytest.TempPathFactory, at: int, flip: int
