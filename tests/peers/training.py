@@ -3,8 +3,7 @@
     PYTHONPATH=tests python -m peers.training FOLDER [PEER ...]
 
 It keeps stores and exports in FOLDER and goes on with what is there. It writes the lines of each
-``train.py`` to ``FOLDER/PEER.log``, and the picture ``FOLDER/losses.png``, which the guide on
-exports shows.
+``train.py`` to ``FOLDER/PEER.log``, and draws the picture ``FOLDER/losses.png``.
 """
 
 from __future__ import annotations
