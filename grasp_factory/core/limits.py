@@ -84,7 +84,7 @@ SIMULATIONS = Limit("simulations", 1000, "a number of rows to simulate again", i
 LOST = Limit("lost", 30, "a number of lost rows beyond that of whole ones", is_count=True)
 MEMORY = Limit("memory", 768 * 2**20, "the memory of a simulation from a store's recipe")
 CPU = Limit("seconds", 8, "the CPU time of a simulation from a store's recipe", is_count=True)
-IMPORT_MEMORY = Limit("import-memory", 2**30, "the memory of an import", source="file")
+IMPORT_MEMORY = Limit("import-memory", 768 * 2**20, "the memory of an import", source="file")
 IMPORT_FILE = Limit("import-file", 4 * 2**30, "a file of an import", source="file")
 IMPORT_CPU = Limit(
     "import-seconds", 3600, "the CPU time of an import", is_count=True, source="file"

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from functools import lru_cache
 from pathlib import Path
 
 from grasp_factory.core.cache import cache_dir, digest, is_digest, read_checked, write
+from grasp_factory.core.limits import EMBEDDED
 from grasp_factory.core.optional import require
 from grasp_factory.errors import ConfigError, UsageError, shown
 from grasp_factory.policies.networks import GraspModel, load_model
 
-MAX_BYTES = 2**30
-"""Largest size of a model's file."""
+MAX_BYTES = EMBEDDED.usual
+"""Largest size of a model's file: a store contains its model."""
 _LOADED = 4
 """Number of models that a process keeps in memory."""
 
@@ -25,17 +28,25 @@ def import_model(file: Path) -> str:
     """
     require("torch", "safetensors", extra="train")
     try:
-        with file.open("rb") as opened:
-            data = opened.read(MAX_BYTES + 1)
+        with open(file, "rb", opener=_opener) as opened:
+            found = os.fstat(opened.fileno())
+            is_model = stat.S_ISREG(found.st_mode) and found.st_size <= MAX_BYTES
+            data = opened.read() if is_model else b""
     except OSError as error:
         raise UsageError(f"{file} cannot be read: {error.strerror or error}") from None
-    if len(data) > MAX_BYTES:
-        raise UsageError(f"{file} has more than {MAX_BYTES} bytes, so it is no model of grasps")
+    if not is_model:
+        valid = f"valid: a regular file of up to {MAX_BYTES} bytes"
+        raise UsageError(f"{file} is no model of grasps, {valid}")
     try:
         load_model(data)
     except UsageError as error:
         raise UsageError(f"{file}: {error}") from None
     return keep(data)
+
+
+def _opener(file: str, flags: int) -> int:
+    """Open a file that may be a pipe, without waiting for its writer."""
+    return os.open(file, flags | os.O_NONBLOCK)
 
 
 def keep(data: bytes) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import shutil
 import subprocess
 import sys
@@ -210,6 +211,14 @@ class TestImport:
         assert error.startswith("Error: m")
         assert error.count("\n") == 1
         assert not list((tmp_path / "cache").rglob("*.safetensors"))
+
+    def test_a_pipe_and_a_file_of_holes_are_no_models(self, tmp_path: Path, cache: Path) -> None:
+        os.mkfifo(tmp_path / "pipe")
+        with (tmp_path / "holes").open("wb") as file:
+            file.truncate(2**40)
+        for name in ("pipe", "holes"):
+            with pytest.raises(UsageError, match=f"{name} is no model of grasps, valid: a regular"):
+                model_registry.import_model(tmp_path / name)
 
     def test_the_policy_and_its_model_need_each_other(
         self, complaint: Callable[..., tuple[int, str]], tmp_path: Path
