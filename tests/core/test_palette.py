@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from support.places import REPOSITORY
 
+from grasp_factory.apps.browse.palette_css import palette_css
 from grasp_factory.core import palette
 from grasp_factory.core.enums import Label, Outcome, Phase, names
 from grasp_factory.core.geometry import Array
@@ -168,6 +169,15 @@ def test_no_other_place_has_a_colour_of_the_data_or_a_colour_map() -> None:
         assert not defined.search(text), where
         used = {color.lower() for color in re.findall(r"#[0-9a-fA-F]{6}\b", text)}
         assert not used & ours, where
+
+
+def test_every_variable_of_the_pages_is_defined() -> None:
+    static = PACKAGE / "apps/browse/static"
+    styles = palette_css() + "".join(file.read_text() for file in static.glob("*.css"))
+    scripts = "".join(file.read_text() for file in static.glob("*.js"))
+    named = re.findall(r"(?:var|cssColor)\(['\"]?(--[\w-]+)['\")]", styles + scripts)
+    assert set(named) <= set(re.findall(r"(--[\w-]+)\s*:", styles))
+    assert len(named) > 100
 
 
 def test_a_quantity_has_one_unit_and_a_text_in_it() -> None:

@@ -124,7 +124,7 @@ function drawTop() {
   clear(top).append(
     h(
       'a',
-      { class: 'brand', href: '#/', 'aria-label': 'All episodes' },
+      { class: 'brand', href: '#/', 'aria-label': 'grasp-factory: all episodes' },
       h('img', { src: '/static/icon.svg', alt: '', width: 24, height: 24 }),
       h('span', { class: 'brand-name' }, 'grasp-factory'),
     ),
