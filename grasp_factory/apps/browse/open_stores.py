@@ -76,10 +76,9 @@ class OpenStores:
 def _stamp(path: Path) -> Stamp:
     """Return inode, size and time of the header files, which change with the store's header."""
     found = []
-    place = place_of(path)
     for name in ("zarr.json", f"{STATUS.path}/zarr.json"):
         try:
-            state = (place / name).stat()
+            state = (place_of(path) / name).stat()
         except OSError:
             found.append((0, 0, 0))
         else:
