@@ -42,14 +42,14 @@ from support.scale import IS_SOAK, sampled, scaled, soak_only
 from support.stored import old_store
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.limits import LOST
 from grasp_factory.core.os_errors import HOW_TO_CONTINUE
 from grasp_factory.core.place import place_at, place_of
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.curation.merge import split
-from grasp_factory.curation.repair import rebuild, repair
+from grasp_factory.curation.repair import rebuild, refusals, repair
 from grasp_factory.curation.repair.refusals import check_losses
-from grasp_factory.curation.verify import Problem, verify
-from grasp_factory.curation.verify.blocks import Findings
+from grasp_factory.curation.verify import verify
 from grasp_factory.curation.verify.partial_store import open_pieces
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.summary import summarise
@@ -204,19 +204,24 @@ def test_missing_rows_are_made(store: Path, copy: Path) -> None:
     assert_same_tree(store, copy)
 
 
-@pytest.mark.parametrize(("missing", "damaged", "whole", "is_refused"), [
-    (30, 0, 0, False), (31, 0, 0, True), (0, 80, 0, True), (40, 40, 0, True), (40, 40, 50, False),
-    (1001, 0, 5000, True), (600, 600, 5000, True),
+@pytest.mark.parametrize(("lost", "rows", "is_refused"), [
+    (30, 30, False), (31, 31, True), (80, 80, True), (80, 130, False), (1001, 5000, True),
 ])  # fmt: skip
 def test_far_more_lost_rows_than_whole_ones_are_not_simulated(
-    *, missing: int, damaged: int, whole: int, is_refused: bool
+    *, lost: int, rows: int, is_refused: bool
 ) -> None:
-    problems = [
-        Problem(episode=row, array="streams/phase", what="does not match") for row in range(damaged)
-    ]
-    found = Findings(committed=damaged + whole, missing=missing, problems=2 * problems)
     with pytest.raises(LimitError) if is_refused else contextlib.nullcontext():
-        check_losses(Path("s.zarr"), found)
+        check_losses(Path("s.zarr"), lost, rows)
+
+
+def test_all_rows_that_would_be_simulated_are_counted(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(refusals, "LOST", dataclasses.replace(LOST, usual=0))
+    for block in (0, 1):
+        (copy / f"streams/tcp_pose/{block}.0.0").unlink()
+    with pytest.raises(LimitError, match="a number of lost rows beyond that of whole ones"):
+        repair(copy)
 
 
 def test_what_killed_runs_have_left_is_removed_and_nothing_else(store: Path, copy: Path) -> None:

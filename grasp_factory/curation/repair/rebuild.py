@@ -54,6 +54,8 @@ class Mended:
     """Rows whose recipes cannot be recovered; nothing in the block was changed."""
     is_to_isolate: bool = False
     """Nothing in the block was changed, because simulating a recipe may end the process."""
+    simulations: int = 0
+    """Rows that must be simulated."""
     crashed: str = ""
     """How the simulation of a committed row has ended its process. Nothing was changed."""
     unknown_platform: tuple[int, ...] = ()
@@ -159,6 +161,7 @@ class BlockRebuilder:
             lost=tuple(i for i, spec in simulated.items() if spec is None),
             recorded=tuple(i for i, spec in simulated.items() if spec and spec.recording),
             is_to_isolate=is_to_isolate and (self._accept or not foreign),
+            simulations=len(simulated),
             foreign=foreign,
             difference=next(filter(None, differences.values()), ""),
         )

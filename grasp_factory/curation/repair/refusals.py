@@ -8,21 +8,22 @@ from pathlib import Path
 from grasp_factory.core import schema
 from grasp_factory.core.limits import LOST, MEMORY, SIMULATIONS
 from grasp_factory.core.platforms import ACCEPT
-from grasp_factory.curation.verify.blocks import Findings
 from grasp_factory.curation.verify.partial_store import PartialStore
-from grasp_factory.curation.verify.problems import GENERATE, VerifyReport
 
 
-def check_losses(path: Path, found: VerifyReport | Findings) -> None:
+def check_losses(path: Path, lost: int, rows: int) -> None:
     """Check that a store does not ask for far more simulations than it has whole rows.
+
+    Args:
+        path: the store.
+        lost: rows that must be simulated.
+        rows: all rows.
 
     Raises:
         LimitError: if it does.
     """
-    damaged = {problem.episode for problem in found.problems if problem.advice != GENERATE} - {None}
-    lost, whole = found.missing + len(damaged), found.committed + found.quarantined - len(damaged)
     SIMULATIONS.check(lost, path)
-    LOST.check(lost - max(whole, 0), path)
+    LOST.check(lost - (rows - lost), path)
 
 
 def foreign_rows(rows: str, difference: str) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from grasp_factory import __version__
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.limits import SIMULATIONS
 from grasp_factory.core.place import fsync_places, place_of
 from grasp_factory.core.schema import Field
 from grasp_factory.curation import isolation
@@ -91,7 +92,7 @@ class RepairSession:
             LimitError: if far more rows are lost than a damaged store lacks.
         """
         problems = found.problems
-        check_losses(self._path, found)
+        SIMULATIONS.check(found.missing, self._path)
         if _is_of_root(problems) and not self._mend_root():
             return False
         pieces = open_pieces(self._path)[0]
@@ -112,7 +113,6 @@ class RepairSession:
                 blocks = range(pieces.blocks)
                 checked = check_blocks(pieces, blocks, self._workers, self._on_episode)
                 problems = tuple(checked.problems)
-                check_losses(self._path, checked)
             size = pieces.config.block_size
             broken = {p.episode // size for p in problems if p.episode is not None}
             if broken and pieces.rewritten:  # blocks are rebuilt in the original layout
@@ -231,7 +231,7 @@ class RepairSession:
     def _mend_blocks(self, template: Template, pieces: PartialStore, blocks: list[int]) -> None:
         """Keep the intact rows of these blocks, and simulate the others."""
         losses = Losses(pieces.config.block_size, EPISODE_TIMEOUT_S, self.mended.append)
-        to_isolate: list[BlockJob] = []
+        to_isolate: dict[int, int] = {}
         foreign: list[Mended] = []
 
         def hear(message: Begun | Made | Mended) -> None:
@@ -252,7 +252,7 @@ class RepairSession:
                 if self._accept:
                     self._put_in_place(template, pieces, message)
             elif message.is_to_isolate:
-                to_isolate.append(BlockJob(block=message.block))
+                to_isolate[message.block] = message.simulations
             else:
                 self._put_in_place(template, pieces, message)
 
@@ -262,8 +262,10 @@ class RepairSession:
         jobs = [BlockJob(block=block) for block in blocks]
         reading.run(rebuilder(isolated=False), jobs, *how)
         if to_isolate:
+            check_losses(self._path, sum(to_isolate.values()), pieces.rows)
             simulating = isolation.isolated(min(self._workers, len(to_isolate)))
-            simulating.run(rebuilder(isolated=True), to_isolate, *how)
+            jobs = [BlockJob(block=block) for block in to_isolate]
+            simulating.run(rebuilder(isolated=True), jobs, *how)
         self._report_foreign(foreign)
 
     def _put_in_place(self, template: Template, pieces: PartialStore, made: Mended) -> None:
