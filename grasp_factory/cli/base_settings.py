@@ -17,6 +17,7 @@ from typing import Any
 from grasp_factory.core.config.config_difference import first_difference
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.yaml_loader import MAX_BYTES, parse_yaml, yaml_mapping
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.plugins.file_loading import file_reference
 from grasp_factory.core.regular_file import open_regular, read_part
 from grasp_factory.errors import (
@@ -87,7 +88,7 @@ def _check_out(out: Any) -> None:
     if not isinstance(out, str) or not out or "\0" in out:
         return
     here, there = os.path.realpath("."), os.path.realpath(out)
-    if os.path.commonpath([here, there]) != here:
+    if "://" in out or os.path.commonpath([here, there]) != here:
         raise ConfigError(
             f"{FOLDER_FILE}: out: got {shown(out)}, valid: a path in this folder; name any other"
             " with --out"
@@ -135,7 +136,8 @@ def stated_out(sources: Iterable[Mapping[str, Any]], assignments: Iterable[str])
         key, _, value = text.partition("=")
         if key.strip() == "out":
             out = parse_yaml(value, f"--set {shown(text)}")
-    return Path(out) if isinstance(out, str | Path) and "\0" not in str(out) else DEFAULT_RUN.out
+    is_path = isinstance(out, str | Path) and "\0" not in str(out)
+    return store_path(out) if is_path else DEFAULT_RUN.out
 
 
 def stored_settings(path: Path) -> StoredSettings | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection
 from functools import partial
+from pathlib import Path
 from typing import Any, NoReturn
 
 import click
@@ -20,7 +21,9 @@ from grasp_factory.cli.options import (
 from grasp_factory.cli.params import Command, json_option, option
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.request import request_from
+from grasp_factory.core.object_storage.address import is_remote
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.core.text_format import count
 from grasp_factory.errors import EXIT_INTERRUPTED, EXIT_TERMINATED, FailuresError, Terminated
 from grasp_factory.factory.run_request import Request
 
@@ -87,7 +90,13 @@ def generate(
 
         progress = RunProgress(quiet=quiet)
         view = live_view(live_port, quiet=quiet) if live else None
-        summary = make(request, progress, view)
+        if is_remote(request.out):
+            from grasp_factory.curation.upload import generate_there
+
+            run = partial(make, progress=progress, view=view)
+            summary = generate_there(request, run, partial(_sending, request.out, quiet))
+        else:
+            summary = make(request, progress, view)
     except KeyboardInterrupt as why:
         _stopped(request, progress.made if progress else (), why)
     if as_json:
@@ -101,6 +110,11 @@ def generate(
             f"{len(summary.quarantined)} of {summary.asked} episodes are quarantined, more than"
             f" --max-failures {request.max_failures:g} allows; `grasp-factory info` counts them"
         )
+
+
+def _sending(out: Path, quiet: bool, episodes: int) -> None:
+    if not quiet:
+        say(f"sending {count(episodes, 'episode')} to {out}", err=True)
 
 
 def _stopped(request: Request, made: Collection[int], why: KeyboardInterrupt) -> NoReturn:

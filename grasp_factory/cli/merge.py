@@ -12,6 +12,7 @@ import click
 from grasp_factory.cli.params import AS_JSON, STORE, STORE_PATH, Command, option
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import chosen_rows, row_options
+from grasp_factory.core.object_storage.address import is_remote
 from grasp_factory.core.platforms import ACCEPT
 from grasp_factory.errors import UsageError
 
@@ -111,9 +112,11 @@ def pack(path: Path, out: Path, *, shard: int, as_json: bool) -> None:
     from grasp_factory.cli.bars import counted
     from grasp_factory.core.text_format import count
     from grasp_factory.curation.pack import pack_store
+    from grasp_factory.curation.upload import pack_there
 
+    make = pack_there if is_remote(out) else pack_store
     with counted("on_row") as hooks:
-        result = pack_store(path, out, shard, **hooks)
+        result = make(path, out, shard, **hooks)
     if as_json:
         print_json(result)
         return

@@ -14,6 +14,7 @@ import numpy as np
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.executors import ProcessExecutor, make_executor
+from grasp_factory.core.object_storage.address import on_disk
 from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.core.progress import has_bars
@@ -129,7 +130,7 @@ def generate(
     config = with_plugins(config)
     seconds = EPISODE_TIMEOUT_S if episode_timeout is None else episode_timeout
     request = Request(
-        config=config, n=n, workers=workers, out=Path(out), shard=shard,
+        config=config, n=n, workers=workers, out=on_disk(out), shard=shard,
         episode_timeout=seconds, max_failures=max_failures, retry_quarantined=retry_quarantined,
         accept_other_platform=accept_other_platform,
     )  # fmt: skip

@@ -18,6 +18,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
 from grasp_factory.core.config.randomization import RANDOMIZE_PRESETS
 from grasp_factory.core.config.within import Valid, Within, check_within
+from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.serialization import check, is_integer, sections_of, to_plain
 from grasp_factory.errors import ConfigError, did_you_mean, lookup, shown
 
@@ -180,7 +181,7 @@ def resolve_request(
     if "out" in run:
         ok = isinstance(run["out"], str | Path) and str(run["out"]) != ""
         check(ok, "out", run["out"], "a path")
-        run["out"] = Path(run["out"])
+        run["out"] = store_path(run["out"])
     if "shard" in run:
         run["shard"] = Shard.parse(run["shard"])
     return Request(config=FactoryConfig.from_plain(settings), **run)

@@ -69,6 +69,31 @@ class ObjectServer:
                 self.objects[f"{prefix}/{file.relative_to(folder)}"] = file.read_bytes()
 
 
+@contextmanager
+def moto_server() -> Iterator[str]:
+    """Yield the address of moto's S3, another program than the one above, with the bucket."""
+    import boto3
+    from moto.moto_server.werkzeug_app import DomainDispatcherApplication, create_backend_app
+    from werkzeug.serving import WSGIRequestHandler, make_server
+
+    class Silent(WSGIRequestHandler):
+        def log(self, *_: object, **__: object) -> None:
+            """Print nothing."""
+
+    app = DomainDispatcherApplication(create_backend_app)
+    server = make_server("127.0.0.1", 0, app, True, request_handler=Silent)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    url = f"http://127.0.0.1:{server.server_port}"
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            set_environment(patch, url)
+            boto3.client("s3", endpoint_url=url).create_bucket(Bucket=BUCKET)
+        yield url
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
 def set_environment(patch: pytest.MonkeyPatch, url: str) -> None:
     """Let clients of this process and its children find the server at an address."""
     patch.setenv("AWS_ENDPOINT_URL", url)

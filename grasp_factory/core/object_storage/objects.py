@@ -156,13 +156,6 @@ class Objects:
         with explained(self.path / key):
             put(self._client(), key, data, mode="create", use_multipart=False)
 
-    def remove(self, key: str) -> None:
-        """Remove an object; see ``get``."""
-        from obstore import delete  # noqa: PLC0415
-
-        with explained(self.path / key):
-            delete(self._client(), key)
-
     def mark(self, facts: ObjectFacts) -> int:
         """Return a number of 126 bits that changes when an object is written again.
 

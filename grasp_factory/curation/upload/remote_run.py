@@ -1,0 +1,199 @@
+"""Making a store in object storage: it is made and packed in the cache first, then sent."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from grasp_factory.core.cache import cache_dir, digest
+from grasp_factory.core.config.config_difference import first_difference
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.object_storage.address import RemotePath
+from grasp_factory.core.object_storage.client import endpoint
+from grasp_factory.core.object_storage.objects import Objects
+from grasp_factory.core.object_storage.put_once import check_puts_once, put_once
+from grasp_factory.core.serialization import to_plain
+from grasp_factory.curation.pack import Packed, pack_store
+from grasp_factory.curation.upload.uploading import upload
+from grasp_factory.curation.versions.origin import SUFFIX
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.snapshots.version import rows_sha256
+from grasp_factory.dataset.summary import summarise
+from grasp_factory.errors import ConfigError, StoreMismatchError, UsageError
+from grasp_factory.factory.generate import Summary
+from grasp_factory.factory.run_request import Request
+from grasp_factory.writers.zarr.budgets import check_block_size
+from grasp_factory.writers.zarr.writer import MISSING, QUARANTINED
+
+LARGEST = 512
+"""Most episodes of a block in object storage, where each object costs a request."""
+MADE_BY = 8
+"""Episodes of a block while it is made, if that divides the store's own size."""
+FOLDER = "uploads"
+"""Folder of the cache in which stores wait until all of them is sent."""
+_MADE, _PACKED = "made.zarr", "packed.zarr"
+
+
+def generate_there(
+    request: Request,
+    make: Callable[[Request], Summary],
+    on_send: Callable[[int], None] = lambda rows: None,
+) -> Summary:
+    """Make the store of a request in object storage, at its ``out``.
+
+    Its blocks are made in the cache of this machine, joined to blocks of up to ``LARGEST``
+    episodes, and sent. The same call goes on where one before has ended.
+
+    Args:
+        request: the request.
+        make: makes the store of a request on this machine.
+        on_send: called with the number of episodes before they are sent.
+
+    Raises:
+        UsageError: for a part of a store, for a server that ignores put-if-absent, or if another
+            store is there.
+        StorageError: if the server does not answer; what is made stays in the cache.
+    """
+    address = _address(request.out)
+    if request.shard.count > 1:
+        raise UsageError(
+            f"shard {request.shard}: {address} is no disk that machines share, valid: a store for"
+            " each machine, with its own --seed; readers take several stores"
+        )
+    done = _finished(request, address)
+    if done is not None:
+        return done
+    check_puts_once(Objects(address))
+    scratch, size = _scratch(address), request.config.block_size
+    scratch.mkdir(parents=True, exist_ok=True)
+    config = replace(request.config, block_size=size if size % MADE_BY else MADE_BY)
+    summary = make(replace(request, out=scratch / _MADE, config=config))
+    if summary.failed:
+        return summary
+    on_send(request.n)
+    made = scratch / _MADE
+    larger = _largest(config)
+    if larger > config.block_size:
+        made = _packed(made, scratch, larger)
+    upload(made, address)
+    shutil.rmtree(scratch)
+    return replace(summary, store=summarise(Dataset(address)))
+
+
+def pack_there(
+    store: Path,
+    address: Path,
+    block_size: int,
+    *,
+    on_start: Callable[[int], None] = lambda rows: None,
+    on_row: Callable[[], None] = lambda: None,
+) -> Packed:
+    """Pack a store to one in object storage; see ``pack_store`` and ``upload``.
+
+    The new store waits in the cache of this machine until all of it is sent.
+    """
+    there = _address(address)
+    check_puts_once(Objects(there))
+    scratch = _scratch(there)
+    scratch.mkdir(parents=True, exist_ok=True)
+    packed = scratch / _PACKED
+    if not _is_packed(store, packed, block_size):
+        pack_store(store, packed, block_size, on_start=on_start, on_row=on_row)
+    sent = upload(packed, there)
+    origin = packed.with_name(packed.name + SUFFIX)
+    if origin.is_file():
+        put_once(Objects(there.parent), there.name + SUFFIX, origin.read_bytes())
+    labels = tuple(Dataset(packed).labels)
+    shutil.rmtree(scratch)
+    return Packed(
+        path=str(there),
+        rows=sent.rows,
+        block_size=block_size,
+        blocks=sent.blocks,
+        resumed=sent.there_before,
+        labels=labels,
+    )
+
+
+def _address(out: Path) -> RemotePath:
+    if not isinstance(out, RemotePath):
+        raise UsageError(f"{out} is no address of object storage")
+    return out
+
+
+def _scratch(address: RemotePath) -> Path:
+    return cache_dir() / FOLDER / digest(f"{endpoint(address)} {address}".encode())
+
+
+def _largest(config: FactoryConfig) -> int:
+    """Return the largest size of blocks, up to ``LARGEST``, that readers accept."""
+    size = config.block_size
+    while size * 2 <= LARGEST:
+        try:
+            check_block_size(replace(config, block_size=size * 2))
+        except ConfigError:
+            break
+        size *= 2
+    return size
+
+
+def _packed(made: Path, scratch: Path, block_size: int) -> Path:
+    packed = scratch / _PACKED
+    if not _is_packed(made, packed, block_size):
+        pack_store(made, packed, block_size)
+    return packed
+
+
+def _is_packed(made: Path, packed: Path, block_size: int) -> bool:
+    """Return whether a run before this one has packed these rows; remove what is older."""
+    if not packed.exists():
+        return False
+    is_same = Dataset(packed).config.block_size == block_size and rows_sha256(
+        packed
+    ) == rows_sha256(made)
+    if not is_same:
+        shutil.rmtree(packed)
+    return is_same
+
+
+def _finished(request: Request, address: RemotePath) -> Summary | None:
+    """Return the summary of a store that is there as a whole; None if nothing, or a part, is there.
+
+    Raises:
+        StoreMismatchError: if another store is there, or one of another length.
+    """
+    try:
+        there = Dataset(address)
+    except StoreMismatchError:
+        return None
+    size = there.config.block_size
+    asked = replace(request.config, block_size=size)
+    different = first_difference(to_plain(there.config), to_plain(asked))
+    if different:
+        raise StoreMismatchError(
+            f"{address} holds another store ({different}); choose another --out"
+        )
+    if len(there) != request.n:
+        raise StoreMismatchError(
+            f"{address} has {len(there)} episodes, asked for {request.n}: a store in object storage"
+            " does not grow; make another one with another --seed, and read both"
+        )
+    status = there.status
+    if (status == MISSING).any():
+        return None
+    rows = np.flatnonzero(status == QUARANTINED)
+    errors = there.column("error")
+    return Summary(
+        asked=len(there),
+        made=0,
+        already_there=len(there),
+        seconds=0.0,
+        episodes_per_second=None,
+        quarantined={int(row): str(errors[row]) for row in rows},
+        failed=len(rows) > request.max_failures * len(there),
+        store=summarise(there),
+    )
