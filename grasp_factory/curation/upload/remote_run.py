@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +11,12 @@ import numpy as np
 from grasp_factory.core.cache import cache_dir, digest
 from grasp_factory.core.config.config_difference import first_difference
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.limits import DOCUMENT
 from grasp_factory.core.object_storage.address import RemotePath
 from grasp_factory.core.object_storage.client import endpoint
 from grasp_factory.core.object_storage.objects import Objects
 from grasp_factory.core.object_storage.put_once import check_puts_once, put_once
+from grasp_factory.core.place import place_at
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.curation.pack import Packed, pack_store
 from grasp_factory.curation.upload.uploading import upload
@@ -80,7 +81,7 @@ def generate_there(
     if larger > config.block_size:
         made = _packed(made, scratch, larger)
     upload(made, address)
-    shutil.rmtree(scratch)
+    place_at(scratch).rmtree()
     return replace(summary, store=summarise(Dataset(address)))
 
 
@@ -104,11 +105,11 @@ def pack_there(
     if not _is_packed(store, packed, block_size):
         pack_store(store, packed, block_size, on_start=on_start, on_row=on_row)
     sent = upload(packed, there)
-    origin = packed.with_name(packed.name + SUFFIX)
+    origin = place_at(packed.with_name(packed.name + SUFFIX))
     if origin.is_file():
-        put_once(Objects(there.parent), there.name + SUFFIX, origin.read_bytes())
+        put_once(Objects(there.parent), there.name + SUFFIX, origin.read_bytes(DOCUMENT))
     labels = tuple(Dataset(packed).labels)
-    shutil.rmtree(scratch)
+    place_at(scratch).rmtree()
     return Packed(
         path=str(there),
         rows=sent.rows,
@@ -156,7 +157,7 @@ def _is_packed(made: Path, packed: Path, block_size: int) -> bool:
         packed
     ) == rows_sha256(made)
     if not is_same:
-        shutil.rmtree(packed)
+        place_at(packed).rmtree()
     return is_same
 
 
