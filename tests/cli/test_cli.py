@@ -425,7 +425,8 @@ def test_without_a_command_the_help_is_shown(run: Run) -> None:
 def test_the_help_of_generate_tells_the_true_defaults(run: Run) -> None:
     text = " ".join(run("generate", "--help").out.split())
     config = FactoryConfig()
-    for value in ("50", "0", "2", "grasps.zarr", config.robot, "640x480", str(config.record_hz)):
+    assert "[default: those of the store at --out, or 50]" in text
+    for value in ("0", "2", "grasps.zarr", config.robot, "640x480", str(config.record_hz)):
         assert f"[default: {value}]" in text
 
 

@@ -200,7 +200,8 @@ def _check_labels(dataset: Dataset, split: str, population: str, rows: NDArray[n
     if not 0 < good < len(rows):
         raise UsageError(
             f"split {split} of {dataset.path}: {good} of {len(rows)} {population} are a success;"
-            " valid: some of both kinds; generate more episodes"
+            " valid: some of both kinds; make more episodes, such as with"
+            f" `grasp-factory generate --out {dataset.path} --n {max(400, 2 * len(dataset))}`"
         )
 
 
