@@ -30,6 +30,7 @@ from grasp_factory.errors import (
 from grasp_factory.factory.run_request import (
     CONFIG_KEYS,
     DEFAULT_RUN,
+    EXECUTOR,
     RUN_KEYS,
     resolve_request,
 )
@@ -74,6 +75,11 @@ def folder_settings() -> dict[str, Any] | None:
     if settings.get("accept_other_platform"):
         raise ConfigError(
             f"{FOLDER_FILE}: accept_other_platform: got true, valid: false; this is an option"
+        )
+    if settings.get("executor", EXECUTOR) != EXECUTOR:
+        raise ConfigError(
+            f"{FOLDER_FILE}: executor: got {shown(settings['executor'])}, valid: {EXECUTOR}; a"
+            " cluster is named by an option"
         )
     _check_out(settings.get("out", ""))
     workers = settings.get("workers")

@@ -172,7 +172,13 @@ run_options = options(
         "--workers",
         metavar="N",
         type=int,
-        help=f"Worker processes.  [default: {DEFAULT_RUN.workers}]",
+        help=f"Worker processes, on each node of a cluster.  [default: {DEFAULT_RUN.workers}]",
+    ),
+    _run(
+        "--executor",
+        metavar="NAME[:ADDRESS]",
+        help="Where the workers are: inline, local, or the nodes of a cluster, such as"
+        f" ray:HOST:PORT.  [default: {DEFAULT_RUN.executor}]",
     ),
     _run(
         "--shard",

@@ -81,7 +81,7 @@ class RunProgress:
             self._bar.episode(made)
 
     def loss(self, text: str) -> None:
-        """Print that a worker was lost."""
+        """Print that a worker was lost, or what has become of a node."""
         if not self._quiet:
             write_line(text)
 
@@ -119,6 +119,7 @@ def make(request: Request, progress: RunProgress, view: LiveView | None = None) 
             request.n,
             request.out,
             request.workers,
+            executor=request.executor,
             shard=request.shard,
             episode_timeout=request.episode_timeout,
             max_failures=request.max_failures,
@@ -128,6 +129,7 @@ def make(request: Request, progress: RunProgress, view: LiveView | None = None) 
             on_start=start,
             on_episode=episode,
             on_loss=loss,
+            on_node=progress.loss,
         )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.executors import ProcessExecutor, make_executor
+from grasp_factory.core.executors import ExecutorKind, ExecutorSettings, executor_kind, go_on
 from grasp_factory.core.object_storage.address import on_disk
 from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.platforms import FINGERPRINT
@@ -25,12 +25,20 @@ from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made, shard_rows
 from grasp_factory.factory.block_maker import BlockMaker
 from grasp_factory.factory.name_check import check_names
+from grasp_factory.factory.node_check import node_check
 from grasp_factory.factory.platform_check import check_platform, warn_of_other_versions
 from grasp_factory.factory.plugins import activate, with_plugins
 from grasp_factory.factory.retry_policy import Failures, Losses
 from grasp_factory.factory.run_bar import RunBar
 from grasp_factory.factory.run_log import RunLog
-from grasp_factory.factory.run_request import EPISODE_TIMEOUT_S, MAX_FAILURES, WHOLE, Request, Shard
+from grasp_factory.factory.run_request import (
+    EPISODE_TIMEOUT_S,
+    EXECUTOR,
+    MAX_FAILURES,
+    WHOLE,
+    Request,
+    Shard,
+)
 from grasp_factory.robots import RobotModel
 from grasp_factory.simulation.fingerprint import fingerprint
 from grasp_factory.simulation.world.connection import check_renderer
@@ -83,6 +91,7 @@ def generate(
     out: Path | str,
     workers: int = 2,
     *,
+    executor: str = EXECUTOR,
     shard: Shard = WHOLE,
     episode_timeout: float | None = None,
     max_failures: float = MAX_FAILURES,
@@ -92,6 +101,7 @@ def generate(
     on_start: Callable[[RunPlan], None] = lambda plan: None,
     on_episode: Callable[[Made], None] = lambda made: None,
     on_loss: Callable[[str], None] = lambda text: None,
+    on_node: Callable[[str], None] = lambda text: None,
 ) -> Summary:
     """Make sure that the store at ``out`` holds episodes 0 to ``n`` - 1 of ``config``.
 
@@ -108,7 +118,9 @@ def generate(
         n: the number of episodes that the store must have.
         out: path of the store, which is new or of the same config.
         workers: number of processes; with 1 and no timeout, episodes are made in this process,
-            which one of them may then kill.
+            which one of them may then kill. On a cluster it is the number for each node.
+        executor: where the processes are, NAME or NAME:ADDRESS. ``local`` is this machine, and
+            ``ray`` a cluster whose nodes share the file system of ``out``.
         shard: the part of the store to make; others may make its other parts at the same time.
         episode_timeout: seconds that an episode may take; None for 600 with several workers.
         max_failures: the largest share of quarantined episodes with which the run succeeds.
@@ -120,6 +132,7 @@ def generate(
         on_start: called once with the plan, after every check and before the first episode.
         on_episode: called for each episode as it is made; its block is committed later.
         on_loss: called with one line of text when a worker was lost and its block is made again.
+        on_node: called with one line of text when a node of a cluster joins, is refused or is lost.
 
     Raises:
         UsageError: if the request cannot be carried out; nothing has been written.
@@ -132,10 +145,15 @@ def generate(
     request = Request(
         config=config, n=n, workers=workers, out=on_disk(out), shard=shard,
         episode_timeout=seconds, max_failures=max_failures, retry_quarantined=retry_quarantined,
-        accept_other_platform=accept_other_platform,
+        accept_other_platform=accept_other_platform, executor=executor,
     )  # fmt: skip
+    kind, address = executor_kind(request.executor)
     is_watched = episode_timeout is not None
-    executor = ProcessExecutor(workers) if is_watched else make_executor(request.workers)
+    engine = kind.make(
+        ExecutorSettings(
+            workers=request.workers, address=address, is_watched=is_watched, tell=on_node
+        )
+    )
     path, start = request.out, time.monotonic()
     target = check_place(path, config)
     embedded_assets.unpack(path, config)
@@ -174,9 +192,10 @@ def generate(
             jobs = [BlockJob(block=block, retries=retry_quarantined) for block in plan.blocks]
             with (
                 bar or contextlib.nullcontext(),
-                contextlib.closing(BlockMaker(config, path)) as task,
+                contextlib.closing(BlockMaker(config, target if kind.has_nodes else path)) as task,
+                _check_of_nodes(request, target, kind, is_alone=lock.is_alone) as check,
             ):
-                executor.run(task, jobs, hear, losses.recover, losses.silence)
+                engine.run(task, jobs, hear, losses.recover, losses.silence, check_node=check)
         if lock.try_alone():
             ZarrWriter(path).remove_leftovers()
             pack(path)
@@ -186,6 +205,15 @@ def generate(
 def origin_attributes(config: FactoryConfig, robot: RobotModel) -> dict[str, Any]:
     """Return root attributes of a new store: the robot's facts and this platform's fingerprint."""
     return {"robot": robot.facts(), FINGERPRINT: fingerprint(config).parts()}
+
+
+def _check_of_nodes(
+    request: Request, target: Path, kind: ExecutorKind, *, is_alone: bool
+) -> contextlib.AbstractContextManager[Callable[[], None]]:
+    if not kind.has_nodes:
+        return contextlib.nullcontext(go_on)
+    accept = request.accept_other_platform
+    return node_check(target, request.config, accept=accept, is_alone=is_alone)
 
 
 def _lock(request: Request) -> StoreLock | ShardLock:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from grasp_factory.core.executors import LostNode
 from grasp_factory.errors import FailuresError, WorkerError
 from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made
 
@@ -32,8 +33,26 @@ class _InHand:
     """The last episode that was reported."""
 
 
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long a worker may be silent; it is sent to the nodes of a cluster."""
+
+    timeout: float
+    """Seconds that an episode may take."""
+
+    def __call__(self, message: Any) -> float:
+        """Return how long a worker may be silent after a message; see ``executors.Silence``."""
+        if isinstance(message, Begun):
+            return self.timeout
+        return max(SLOWEST_WRITE_S, self.timeout) if self.timeout < math.inf else math.inf
+
+
 class Losses:
-    """Follows the workers' reports, and decides what to do when a worker is lost."""
+    """Follows the workers' reports, and decides what to do when a worker or a node is lost.
+
+    Attributes:
+        silence: how long a worker may be silent.
+    """
 
     def __init__(self, block_size: int, timeout: float, on_loss: Callable[[str], None]) -> None:
         """Start without any report.
@@ -43,7 +62,8 @@ class Losses:
             timeout: seconds that an episode may take.
             on_loss: called with one line of text for each loss.
         """
-        self._block_size, self._timeout, self._on_loss = block_size, timeout, on_loss
+        self._block_size, self._on_loss = block_size, on_loss
+        self.silence = Patience(timeout)
         self._in_hand: dict[int, _InHand] = {}
         self._deaths: Counter[str] = Counter()
 
@@ -62,21 +82,18 @@ class Losses:
         block.told = message.index
         return message
 
-    def silence(self, message: Any) -> float:
-        """Return how long a worker may be silent after a message; see ``executors.Silence``."""
-        if isinstance(message, Begun):
-            return self._timeout
-        return max(SLOWEST_WRITE_S, self._timeout) if self._timeout < math.inf else math.inf
-
     def recover(self, job: BlockJob, why: str) -> BlockJob:
         """Return the job that replaces one whose worker was lost; see ``executors.Recover``.
+
+        If the worker's node was lost, no episode is to blame.
 
         Raises:
             WorkerError: if a block's workers are lost repeatedly, and no episode is to blame.
         """
         block = self._in_hand.setdefault(job.block, _InHand())
         index, block.index = block.index, None
-        blamed = f"episode {index}" if index is not None and index not in job.lost else str(job)
+        is_blamed = index is not None and index not in job.lost and not isinstance(why, LostNode)
+        blamed = f"episode {index}" if is_blamed else str(job)
         self._deaths[blamed] += 1
         times = self._deaths[blamed]
         if blamed == str(job):

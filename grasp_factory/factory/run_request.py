@@ -29,11 +29,12 @@ SHARDS = f"I/K with K from 1 to {MAX_SHARDS}"
 EPISODE_TIMEOUT_S = 600.0
 """A worker that makes one episode for longer is killed; see ``retry_policy.Losses.silence``."""
 MAX_FAILURES = 0.25
+EXECUTOR = "local"
 OPEN_TABLE = "policy_parameters"
 """A table of tables that may be missing: an assignment may add one, whose keys have defaults."""
 RUN_KEYS = (
-    *("n", "workers", "out", "shard", "episode_timeout", "max_failures", "retry_quarantined"),
-    "accept_other_platform",
+    *("n", "workers", "executor", "out", "shard", "episode_timeout", "max_failures"),
+    *("retry_quarantined", "accept_other_platform"),
 )
 PLUGIN_KEYS = {"policies": "policies", "robots": "robot", "object_sets": "object_sets"}
 """The key that names the plugins of a kind, by kind."""
@@ -97,7 +98,9 @@ class Request:
     n: Annotated[int, Within(1, MAX_EPISODES)] = 50
     """Number of episodes that the store must have."""
     workers: Annotated[int, Within(1, MAX_WORKERS)] = 2
-    """Number of worker processes."""
+    """Number of worker processes, on each node of a cluster."""
+    executor: Annotated[str, Valid("NAME or NAME:ADDRESS, such as local or ray")] = EXECUTOR
+    """Where the worker processes are: on this machine, or on the nodes of a cluster."""
     out: Path = Path("grasps.zarr")
     """Path of the store."""
     episode_timeout: Annotated[float, Within(0.0, 1e6, "s")] = EPISODE_TIMEOUT_S
@@ -113,6 +116,11 @@ class Request:
 
     def __post_init__(self) -> None:
         check(isinstance(self.shard, Shard), "shard", self.shard, "a Shard, as Shard(1, 4)")
+        check(isinstance(self.executor, str), "executor", self.executor, "NAME or NAME:ADDRESS")
+        if self.executor != EXECUTOR:
+            from grasp_factory.core.executors import executor_kind  # noqa: PLC0415 - not for --help
+
+            executor_kind(self.executor)
         for key, highest in (("n", MAX_EPISODES), ("workers", MAX_WORKERS)):
             got = getattr(self, key)
             ok = is_integer(got) and 1 <= got <= highest

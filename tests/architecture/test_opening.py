@@ -110,6 +110,7 @@ OPENS: Mapping[str, str] = {
     "writers/zarr/column_segments.py": "a descriptor",
     "writers/zarr/files.py": "facts of a store's own folder",
     "writers/zarr/lock.py": "a store's own folder",
+    "core/executors/cluster/ray_cluster.py": "a temporary folder of Ray",
     "core/disk_usage.py": "facts of files; none is opened",
     "core/plugins/plugin_sources.py": "code of the user, a file that the user names",
     "core/plugins/entry_points.py": "installed packages",

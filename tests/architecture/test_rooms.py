@@ -55,6 +55,7 @@ OWNERS = {
     "coacd": {"objects/importing"},
     "tqdm": {"core/progress.py"},
     "multiprocessing": {"core/executors"},
+    "ray": {"core/executors/cluster/ray_cluster.py"},
     "torch": {"apps/learning", "policies/networks", "torch.py"},
     "rerun": {"apps/rerun"},
     "safetensors": {"policies/networks"},

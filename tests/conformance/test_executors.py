@@ -8,20 +8,33 @@
 
 from __future__ import annotations
 
+import os
+from functools import partial
 from typing import Any
 
 import pytest
 from support import fake_blocks as blocks
+from support.fake_cluster import FakeCluster
 
 from grasp_factory.core.executors import (
+    EXECUTORS,
     Executor,
+    ExecutorSettings,
     InlineExecutor,
     LimitedExecutor,
     ProcessExecutor,
 )
+from grasp_factory.core.executors.cluster.coordinator import ClusterExecutor
 from grasp_factory.errors import RecipeError
 
-EXECUTORS: list[Executor] = [InlineExecutor(), ProcessExecutor(2), LimitedExecutor(2)]
+MADE: list[Executor] = [
+    InlineExecutor(),
+    ProcessExecutor(2),
+    LimitedExecutor(2),
+    ClusterExecutor(partial(FakeCluster, "a", "b"), 1),
+]
+if os.environ.get("GRASP_FACTORY_RAY") == "1":  # of bin/check-ray
+    MADE.append(EXECUTORS["ray"].make(ExecutorSettings(workers=2)))
 pytestmark = pytest.mark.timeout(60)
 
 
@@ -31,10 +44,10 @@ def ignore(_message: Any) -> None:
 
 def test_every_executor_is_held_to_the_contract() -> None:
     classes = {cls.__name__ for cls in Executor.__subclasses__()}
-    assert {type(executor).__name__ for executor in EXECUTORS} == classes
+    assert {type(executor).__name__ for executor in MADE} == classes
 
 
-@pytest.mark.parametrize("executor", EXECUTORS, ids=lambda made: type(made).__name__)
+@pytest.mark.parametrize("executor", MADE, ids=lambda made: type(made).__name__)
 class TestEveryExecutor:
     def test_results_come_in_the_order_of_the_blocks(self, executor: Executor) -> None:
         assert executor.run(blocks.square, [5, 1, 4], ignore) == [25, 1, 16]
@@ -59,3 +72,10 @@ class TestEveryExecutor:
 
         with pytest.raises(RecipeError, match=r"^heard 3$"):
             executor.run(blocks.square, [3], refuse)
+
+
+@pytest.mark.parametrize("name", EXECUTORS)
+def test_every_kind_makes_an_executor(name: str) -> None:
+    if name != "ray":  # which is not installed everywhere
+        made = EXECUTORS[name].make(ExecutorSettings(workers=2))
+        assert made.run(blocks.square, [3], ignore) == [9]

@@ -9,6 +9,7 @@ import pytest
 
 from grasp_factory.capture.devices import DEVICES
 from grasp_factory.core.config.cameras import CAMERAS
+from grasp_factory.core.executors import EXECUTORS
 from grasp_factory.core.sensors import SENSORS
 from grasp_factory.objects import OBJECT_SETS
 from grasp_factory.policies import POLICIES
@@ -18,6 +19,7 @@ from grasp_factory.writers.exporters import EXPORTERS
 TABLES: dict[str, Mapping[str, Any]] = {
     "cameras": CAMERAS,
     "devices": DEVICES,
+    "executors": EXECUTORS,
     "exporters": EXPORTERS,
     "objects": OBJECT_SETS,
     "policies": POLICIES,

@@ -225,7 +225,11 @@ REQUESTS = [
     ({"workers": 0}, [], f"workers: got 0, valid: an integer from 1 to {MAX_WORKERS}"),
     ({"out": ""}, [], "out: got '', valid: a path"),
     ({"out": 3}, [], "out: got 3, valid: a path"),
-    ({"workres": 3}, [], "unknown key 'workres'; did you mean 'workers'? (valid: n, workers, out"),
+    (
+        {"workres": 3},
+        [],
+        "unknown key 'workres'; did you mean 'workers'? (valid: n, workers, executor, out",
+    ),
     ({"physics": 3}, [], "physics: expected a mapping of keys, got 3"),
     ({}, ["seed"], "--set 'seed': expected KEY=VALUE"),
     ({}, [".seed=1"], "--set '.seed=1': expected KEY=VALUE"),

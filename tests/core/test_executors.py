@@ -22,7 +22,7 @@ from grasp_factory.core.executors import (
     ProcessExecutor,
     import_process,
     make_executor,
-    pool,
+    process_start,
 )
 from grasp_factory.core.executors.limited import ProcessLimits
 from grasp_factory.errors import RecipeError, WorkerError
@@ -221,7 +221,7 @@ def test_ctrl_c_that_another_thread_receives_waits_until_a_worker_has_started() 
     receive = lambda: begin.wait() and signal.raise_signal(signal.SIGINT)  # noqa: E731
     thread = threading.Thread(target=receive)
     thread.start()  # now: later it would block the signal, as a worker does
-    with pytest.raises(KeyboardInterrupt), pool._no_interrupt():
+    with pytest.raises(KeyboardInterrupt), process_start.no_interrupt():
         begin.set()
         thread.join()
         done.append("started")

@@ -1,4 +1,4 @@
-"""A robot, a policy, an object set, a sensor, an exporter and a command: each one file, one row.
+"""A robot, a policy, objects, a sensor, an exporter, an executor, a command: one file, one row.
 
 A copy of the package gets one new file for each, and in the kind's table its import and its row.
 Then the real command, in a process of its own, lists each and uses it, with one worker and with
@@ -190,6 +190,29 @@ OUTCOMES = Exporter(
 )
 '''
 
+EXECUTOR = '''
+"""Jobs from the last to the first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from grasp_factory.core.executors.base import Executor, ExecutorKind
+
+
+class BackwardExecutor(Executor):
+    def run(self, task: Any, jobs: Sequence[Any], report: Any, *_: Any, **__: Any) -> list[Any]:
+        return [task(job, report) for job in reversed(jobs)][::-1]
+
+
+BACKWARD = ExecutorKind(
+    name="backward",
+    description="in the process of the command, the last job first",
+    make=lambda settings: BackwardExecutor(),
+)
+'''
+
 COMMAND = '''
 """The command that counts."""
 
@@ -255,6 +278,14 @@ ADDITIONS = {
         imported="from grasp_factory.writers.exporters.outcomes import OUTCOMES",
         row="OUTCOMES, ",
         before=r"EXPORTERS: (?s:.*?) for \w+ in \(",
+    ),
+    "executor": Addition(
+        file="core/executors/backward.py",
+        text=EXECUTOR,
+        table="core/executors/kinds.py",
+        imported="from grasp_factory.core.executors.backward import BACKWARD",
+        row="BACKWARD, ",
+        before=r"EXECUTORS: (?s:.*?) for \w+ in \(",
     ),
     "command": Addition(
         file="cli/count_rows.py",
@@ -365,6 +396,11 @@ def test_an_object_set_is_dropped(package: Path) -> None:
     episodes = generated(package, "objects", "--objects", "bricks")
     for episode in episodes:
         assert str(episode.columns["object_id"]).startswith("bricks/")
+
+
+@pytest.mark.soak
+def test_an_executor_makes_episodes(package: Path) -> None:
+    generated(package, "executor", "--executor", "backward")
 
 
 def test_an_exporter_writes(package: Path, tmp_path: Path) -> None:

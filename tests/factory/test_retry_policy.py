@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from grasp_factory.core.executors import LostNode
 from grasp_factory.errors import FailuresError, WorkerError
 from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made
 from grasp_factory.factory.retry_policy import FEWEST_FAILURES, Failures, Losses
@@ -62,6 +63,18 @@ def test_a_death_between_episodes_blames_none_and_the_third_ends_the_run(losses:
         assert losses.recover(job, "SIGKILL") == job
     with pytest.raises(WorkerError, match=r"3 workers were lost in block 0 \(SIGKILL\)"):
         losses.recover(job, "SIGKILL")
+
+
+def test_a_lost_node_blames_no_episode_and_the_third_loss_of_a_block_ends_the_run(
+    losses: Losses,
+) -> None:
+    job, why = BlockJob(block=0), LostNode("its node is lost: did not answer")
+    for _ in range(2):
+        losses.news(Begun(index=3))
+        assert losses.recover(job, why) == job
+    losses.news(Begun(index=3))
+    with pytest.raises(WorkerError, match="3 workers were lost in block 0"):
+        losses.recover(job, why)
 
 
 def test_an_episode_that_is_given_up_cannot_go_on_killing(losses: Losses) -> None:

@@ -5,33 +5,42 @@ from __future__ import annotations
 from grasp_factory.core.executors.base import (
     Check,
     Executor,
+    ExecutorKind,
+    ExecutorSettings,
     InlineExecutor,
+    LostNode,
     Recover,
     SendMessage,
     Silence,
     Task,
     go_on,
 )
+from grasp_factory.core.executors.kinds import (
+    EXECUTORS,
+    executor_kind,
+    make_executor,
+)
 from grasp_factory.core.executors.limited import LimitedExecutor, ProcessLimits
-from grasp_factory.core.executors.pool import JOBS_PER_PROCESS, ProcessExecutor
+from grasp_factory.core.executors.pool import ProcessExecutor
+from grasp_factory.core.executors.team import JOBS_PER_PROCESS
 
 __all__ = [
+    "EXECUTORS",
     "JOBS_PER_PROCESS",
     "Check",
     "Executor",
+    "ExecutorKind",
+    "ExecutorSettings",
     "InlineExecutor",
     "LimitedExecutor",
+    "LostNode",
     "ProcessExecutor",
     "ProcessLimits",
     "Recover",
     "SendMessage",
     "Silence",
     "Task",
+    "executor_kind",
     "go_on",
     "make_executor",
 ]
-
-
-def make_executor(workers: int, jobs_per_process: int = JOBS_PER_PROCESS) -> Executor:
-    """Return the executor for a number of workers; one worker needs no pool."""
-    return InlineExecutor() if workers == 1 else ProcessExecutor(workers, jobs_per_process)

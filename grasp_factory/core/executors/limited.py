@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import resource
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -66,6 +66,8 @@ class LimitedExecutor(Executor):
         report: SendMessage,
         recover: Recover[J] = give_up,
         silence: Silence = forever,
+        *,
+        check_node: Callable[[], None] = go_on,
     ) -> list[R]:
         """See ``Executor.run``.
 
