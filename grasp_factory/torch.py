@@ -123,7 +123,8 @@ class GraspDataset(TorchDataset[Example]):
 
     def __repr__(self) -> str:
         names = ", ".join([*self._reader.uses, "success", "row"])
-        return f"GraspDataset({str(self._reader.dataset.path)!r}): {len(self)} examples of {names}"
+        stores = ", ".join(map(str, self._reader.dataset.paths))
+        return f"GraspDataset({stores!r}): {len(self)} examples of {names}"
 
     def __len__(self) -> int:
         """Return the number of examples."""
@@ -183,8 +184,8 @@ class GraspDataset(TorchDataset[Example]):
         """Return the reader with this epoch's noise."""
         epoch = self.epoch
         if self._noise is not None and epoch != self._read_epoch:
-            path, seed = self._reader.dataset.path, self._noise_seed + epoch
-            self._reader = replace(self._reader, dataset=Dataset(path, self._noise, seed))
+            paths, seed = self._reader.dataset.paths, self._noise_seed + epoch
+            self._reader = replace(self._reader, dataset=Dataset(paths, self._noise, seed))
             self._read_epoch = epoch
         return self._reader
 
@@ -277,7 +278,7 @@ def _opened(
         return store.whole, rows
     if store.noise.noise != named_noise(None):
         raise UsageError("noise: got one, and a Dataset that was opened with its own, valid: one")
-    return Dataset(store.path, noise, noise_seed), rows
+    return Dataset(store.paths, noise, noise_seed), rows
 
 
 def _check_number(name: str, value: int, least: int) -> None:

@@ -14,6 +14,11 @@ from grasp_factory.dataset.annotations.values import checked_tag
 from grasp_factory.dataset.checked_reader import CheckedColumns, checked_label
 from grasp_factory.dataset.episode_views import EpisodeViews
 from grasp_factory.dataset.features import Features
+from grasp_factory.dataset.joined_stores import (
+    JoinedAnnotations,
+    JoinedColumns,
+    places_by_store,
+)
 from grasp_factory.dataset.row_lookup import RowIndex
 from grasp_factory.dataset.sensor_reader import Readings
 from grasp_factory.errors import UsageError, lookup
@@ -32,22 +37,47 @@ class AnnotatedEpisodes(EpisodeViews):
     """Episodes with annotations and added labels.
 
     Attributes:
-        path: the path of the store.
+        paths: the path of the store, or of each.
+        starts: the first row of each store, and the number of all rows, (K + 1,).
     """
 
-    path: Path
+    paths: tuple[Path, ...]
+    starts: NDArray[np.int64]
+    _is_checked: bool
 
     def __init__(
         self,
-        columns: Columns | CheckedColumns,
+        columns: Columns | CheckedColumns | JoinedColumns,
         features: Features,
         rows: RowIndex,
         readings: Readings,
-        annotations: AnnotationLog,
+        annotations: AnnotationLog | JoinedAnnotations,
     ) -> None:
         """Use a store's columns, features, row index, readings, and its log of annotations."""
         super().__init__(columns, features, rows, readings)
         self._annotations = annotations
+
+    @property
+    def path(self) -> Path:
+        """The path of the store.
+
+        Raises:
+            UsageError: for several stores, as what needs it takes one only.
+        """
+        if len(self.paths) > 1:
+            names = ", ".join(map(str, self.paths))
+            raise UsageError(f"{names}: got {len(self.paths)} stores, valid: one, for this")
+        return self.paths[0]
+
+    def stored_at(self, index: int) -> tuple[Path, int]:
+        """Return the store of a row, and its row there.
+
+        Raises:
+            IndexError: naming the valid range.
+        """
+        row = self._rows.rows_at([index])
+        ((store, _),) = places_by_store(row, self.starts)
+        return self.paths[store], int(row[0] - self.starts[store])
 
     @property
     def annotations(self) -> Mapping[int, Annotation]:
@@ -76,8 +106,8 @@ class AnnotatedEpisodes(EpisodeViews):
 
     @property
     def labels(self) -> list[str]:
-        """Names of the additional labels, which ``grasp-factory relabel`` made."""
-        return added_labels(self.path)
+        """Names of the additional labels, which ``grasp-factory relabel`` made in all stores."""
+        return sorted(set.intersection(*(set(added_labels(path)) for path in self.paths)))
 
     def label(self, name: str) -> NDArray[np.uint8]:
         """Return an added label's outcomes, one for each row that existed when it was made.
@@ -88,14 +118,22 @@ class AnnotatedEpisodes(EpisodeViews):
             UnknownNameError: listing the labels.
         """
         lookup(dict.fromkeys(self.labels), "label", name)
-        root, _ = open_store(self.path, mode="r")
-        outcome = read_label(root, f"labels/{name}/outcome", len(self.whole))
-        if isinstance(self._columns, CheckedColumns):
-            outcome = checked_label(self.path, name, outcome)
-        if self._rows.chosen is None:
-            return outcome
-        later = np.full(len(self.whole) - len(outcome), NOT_LABELLED, np.uint8)
-        return np.concatenate([outcome, later])[self._rows.chosen]
+        rows = np.diff(self.starts).tolist()
+        found = [self._label_of(path, name, n) for path, n in zip(self.paths, rows, strict=True)]
+        if self._rows.chosen is None and len(found) == 1:
+            return found[0]
+        whole = [
+            np.pad(outcome, (0, n - len(outcome)), constant_values=NOT_LABELLED)
+            for outcome, n in zip(found, rows, strict=True)
+        ]
+        return np.concatenate(whole)[
+            slice(None) if self._rows.chosen is None else self._rows.chosen
+        ]
+
+    def _label_of(self, path: Path, name: str, rows: int) -> NDArray[np.uint8]:
+        root, _ = open_store(path, mode="r")
+        outcome = read_label(root, f"labels/{name}/outcome", rows)
+        return checked_label(path, name, outcome) if self._is_checked else outcome
 
     def label_thresholds(self, name: str) -> dict[str, float | None]:
         """Return the thresholds that an added label was made with, by name.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.checked_reader import CheckedColumns
 from grasp_factory.dataset.features import Features
+from grasp_factory.dataset.joined_stores import JoinedColumns
 from grasp_factory.dataset.row_lookup import RowIndex
 from grasp_factory.errors import lookup
 from grasp_factory.writers.zarr.columns import Columns
@@ -26,7 +27,7 @@ class EpisodeTable:
     """The rows of a store, with any status, or those of a view; and their columns."""
 
     def __init__(
-        self, columns: Columns | CheckedColumns, features: Features, rows: RowIndex
+        self, columns: Columns | CheckedColumns | JoinedColumns, features: Features, rows: RowIndex
     ) -> None:
         """Use a store's columns, its features, and the index of the rows."""
         self._columns, self._features, self._rows = columns, features, rows

@@ -18,19 +18,16 @@ from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.optional import require
 from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.dataset.annotated_episodes import AnnotatedEpisodes
-from grasp_factory.dataset.annotations import AnnotationLog
-from grasp_factory.dataset.checked_reader import CheckedColumns
 from grasp_factory.dataset.columns import in_words
 from grasp_factory.dataset.dataset_display import dataset_html, dataset_text
 from grasp_factory.dataset.episode_reader import Episodes
 from grasp_factory.dataset.features import Features
+from grasp_factory.dataset.joined_stores import opened_together
 from grasp_factory.dataset.object_meshes import recipe_mesh
-from grasp_factory.dataset.opened_store import opened
 from grasp_factory.dataset.row_lookup import RowIndex, chosen_rows
 from grasp_factory.dataset.sensor_reader import Readings
 from grasp_factory.signals.noise import EpisodeNoise, SensorNoise, named_noise
 from grasp_factory.writers.zarr.array_reader import by_block
-from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.label_columns import added_columns
 
 if TYPE_CHECKING:
@@ -47,7 +44,8 @@ class Dataset(AnnotatedEpisodes):
     the index in this dataset; ``indices`` has the rows of the store.
 
     Attributes:
-        path: the path of the store.
+        paths: the path of the store, or of each.
+        starts: the first row of each store, and the number of all rows.
         config: the configuration that it was made from.
         attributes: all root attributes: seed, versions, conventions, ...
         noise: the noise that is added to what is read.
@@ -55,16 +53,16 @@ class Dataset(AnnotatedEpisodes):
 
     def __init__(
         self,
-        path: Path | str,
+        path: Path | str | Sequence[Path | str],
         noise: str | SensorNoise | None = None,
         noise_seed: int = 0,
         *,
         checked: bool = False,
     ) -> None:
-        """Open the store at ``path``.
+        """Open the store at ``path``, or several as one.
 
         Args:
-            path: the path of the store.
+            path: path or address of a store; or several of one config but for seed and block size.
             noise: the sensor noise that is added to episodes, images and series when they are
                 read, or its name in ``noise.NOISE``; columns and the store itself stay clean.
             noise_seed: the same seed yields the same noise.
@@ -74,27 +72,31 @@ class Dataset(AnnotatedEpisodes):
         Raises:
             StoreMismatchError: if there is no store, or it has a newer version.
             StoreError: if the store is damaged.
-            UsageError: for an invalid noise or seed.
+            UsageError: for an invalid noise or seed, or for stores of different kinds.
         """
-        self.path, self.noise = store_path(path), EpisodeNoise(named_noise(noise), noise_seed)
-        store = opened(self.path, checked=checked)
+        given = [path] if isinstance(path, str | Path) else path
+        self.paths, self.noise = (
+            tuple(map(store_path, given)),
+            EpisodeNoise(named_noise(noise), noise_seed),
+        )
+        found = opened_together(self.paths, checked=checked)
+        store, self.starts = found.store, found.starts
         self.config, self.attributes = store.config, store.attributes
         self._arrays, self._is_checked = store.arrays, checked
-        columns = Columns(self.path, store.config, store.arrays)
-        parts = (self.path, store.config, store.arrays, store.fields, self.noise)
+        parts = (found.name, store.config, store.arrays, store.fields, self.noise)
         super().__init__(
-            CheckedColumns(columns, store.arrays) if checked else columns,
+            found.columns,
             Features(store.fields, {p: array.zarr.shape[1:] for p, array in store.arrays.items()}),
-            RowIndex(self.path, store.arrays, store.config.block_size),
+            RowIndex(found.name, store.arrays, store.config.block_size),
             Readings(*parts),
-            AnnotationLog(self.path),
+            found.annotations,
         )
         self._episodes = Episodes(*parts)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle as the arguments and the chosen rows; another process opens the store again."""
         again = partial(_again, checked=self._is_checked)
-        return again, (self.path, self.noise.noise, self.noise.seed, self._rows.chosen)
+        return again, (self.paths, self.noise.noise, self.noise.seed, self._rows.chosen)
 
     def __repr__(self) -> str:
         return dataset_text(self)
@@ -188,7 +190,7 @@ class Dataset(AnnotatedEpisodes):
             UsageError: if this machine cannot build it: the message says what to install or import.
             StoreError: if the objects that the store contains are damaged or too large.
         """
-        return recipe_mesh(self.path, self.config, recipe)
+        return recipe_mesh(self.paths[0], self.config, recipe)
 
     def value(self, index: int, column: str) -> Any:
         """Return the value of one column for one episode; no other column is read.
@@ -287,7 +289,7 @@ class Dataset(AnnotatedEpisodes):
 
 
 def _again(
-    path: Path,
+    path: tuple[Path, ...],
     noise: SensorNoise | None,
     noise_seed: int,
     rows: NDArray[np.int64] | None,

@@ -26,14 +26,15 @@ _COLUMNS = ("outcome", "object_id", "policy", "split")
 
 def dataset_text(dataset: Dataset) -> str:
     """Return the size, the cameras and the names of the columns; no column is read."""
-    lines = [f"Dataset({str(dataset.path)!r}): {_size(dataset)}"]
+    lines = [f"Dataset({_name(dataset)}): {_size(dataset)}"]
     facts = [(name, ", ".join(words)) for name, words in _parts(dataset)]
     return "\n".join([*map(escaped, lines), *named_lines(facts, WIDEST, MOST_LINES)])
 
 
 def dataset_html(dataset: Dataset) -> str:
     """Return the first episodes with their pictures, and how often each outcome occurs."""
-    head = f"<p><b>Dataset</b> {html_text(dataset.path)}: {html_text(_size(dataset))}</p>"
+    name = html_text(", ".join(map(str, dataset.paths)))
+    head = f"<p><b>Dataset</b> {name}: {html_text(_size(dataset))}</p>"
     try:
         there = dataset.committed
         outcomes = count_outcomes(dataset.column("outcome")[there])
@@ -43,6 +44,11 @@ def dataset_html(dataset: Dataset) -> str:
     more = len(there) - SHOWN
     rest = f"<p>and {html_text(count(more, 'more episode'))}</p>" if more > 0 else ""
     return f"<div>{head}{html_table((), outcomes.items())}<table>{rows}</table>{rest}</div>"
+
+
+def _name(dataset: Dataset) -> str:
+    names = list(map(str, dataset.paths))
+    return repr(names[0] if len(names) == 1 else names)
 
 
 def _size(dataset: Dataset) -> str:

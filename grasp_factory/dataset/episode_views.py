@@ -14,6 +14,7 @@ from grasp_factory.core.geometry import Array
 from grasp_factory.dataset.checked_reader import CheckedColumns
 from grasp_factory.dataset.episode_choice import EpisodeChoice
 from grasp_factory.dataset.features import Features
+from grasp_factory.dataset.joined_stores import JoinedColumns
 from grasp_factory.dataset.row_lookup import RowIndex
 from grasp_factory.dataset.sensor_reader import IMAGES, Readings
 from grasp_factory.errors import UsageError, shown
@@ -36,7 +37,7 @@ class EpisodeViews(EpisodeChoice):
 
     def __init__(
         self,
-        columns: Columns | CheckedColumns,
+        columns: Columns | CheckedColumns | JoinedColumns,
         features: Features,
         rows: RowIndex,
         readings: Readings,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from grasp_factory.core import schema
 from grasp_factory.core.atomic_file import PARTIAL
 from grasp_factory.core.enums import Outcome
+from grasp_factory.core.object_storage.put_once import PROBE
 from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.place_tree import Entries, entries, files_below
 from grasp_factory.curation.signing import FOLDER as SIGNATURE_FOLDER
@@ -198,7 +199,7 @@ def _is_left(name: str) -> bool:
 
 
 def _is_own(file: str, folder: str, pieces: PartialStore) -> bool:
-    if file == FILE:
+    if file == FILE or (folder == "." and file == PROBE):
         return True
     field, match = pieces.fields.get(folder), _NUMBER.fullmatch(file)
     if folder in pieces.rewritten:  # its chunks may have any shape
