@@ -44,8 +44,7 @@ class Dataset(AnnotatedEpisodes):
     the index in this dataset; ``indices`` has the rows of the store.
 
     Attributes:
-        paths: the path of the store, or of each.
-        starts: the first row of each store, and the number of all rows.
+        paths, starts: each store, and its first row; then the number of all rows.
         config: the configuration that it was made from.
         attributes: all root attributes: seed, versions, conventions, ...
         noise: the noise that is added to what is read.
@@ -62,7 +61,7 @@ class Dataset(AnnotatedEpisodes):
         """Open the store at ``path``, or several as one.
 
         Args:
-            path: path or address of a store; or several of one config but for seed and block size.
+            path: path or address of a store, or several, alike but for seed and block size.
             noise: the sensor noise that is added to episodes, images and series when they are
                 read, or its name in ``noise.NOISE``; columns and the store itself stay clean.
             noise_seed: the same seed yields the same noise.
