@@ -143,7 +143,7 @@ def test_a_wrong_list_is_one_line(text: str, tmp_path: Path) -> None:
 
 def test_a_list_that_is_no_csv_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text("start,end\n" + "0" * 200_000)
-    with pytest.raises(UsageError, match=r"--cuts .*c\.csv cannot be read: field larger than"):
+    with pytest.raises(UsageError, match=r"--cuts .*c\.csv(: line 2: got| cannot be read: field)"):
         read_cuts(tmp_path / "c.csv")
 
 

@@ -239,10 +239,10 @@ def test_more_rows_are_not_generated_into_real_ones(
     stores: MixedStores, run: Run, tmp_path: Path
 ) -> None:
     code, _, err = run("generate", "--n", 8, "--out", stores.both)
-    assert (code, err.count("\n")) == (2, 1)
+    assert (code, err.count("Error: "), err.splitlines()[-1][:7]) == (2, 1, "Error: ")
     assert "was put together from other stores" in err
     config = tmp_path / "config.yaml"
     config.write_text(yaml.safe_dump(Dataset(stores.alone).config.to_plain()))
     code, _, err = run("generate", "--config", config, "--n", 8, "--out", stores.alone)
-    assert (code, err.count("\n")) == (2, 1)
+    assert (code, err.count("Error: "), err.splitlines()[-1][:7]) == (2, 1, "Error: ")
     assert "holds real episodes: generate into another store" in err

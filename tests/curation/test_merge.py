@@ -698,7 +698,7 @@ class TestRefusals:
         out = tmp_path / "out"
         if into_a_directory:
             out.mkdir()
-        monkeypatch.setattr("grasp_factory.writers.zarr.writer.fsync_places", full)
+        monkeypatch.setattr("grasp_factory.writers.zarr.block_attempt.fsync_places", full)
         with pytest.raises(StoreError, match="out cannot be written: No space left on device"):
             merge([stores / "even"], out)
         assert list(tmp_path.rglob("*")) == [out] * into_a_directory

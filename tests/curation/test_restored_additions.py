@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 from support.exporter_contract import QUARANTINED, N, make_store
 
-from grasp_factory.core.limits import Limit
-from grasp_factory.curation.restore import exported, list_export, restore
+from grasp_factory.curation.restore import list_export, restore
 from grasp_factory.curation.restore.exported import open_export
 from grasp_factory.curation.verify import verify
 from grasp_factory.dataset.annotations import AnnotationLog
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.errors import GraspFactoryError, LimitError, UsageError
+from grasp_factory.errors import GraspFactoryError, StoreError, UsageError
 from grasp_factory.writers.exporters import EXPORTERS
 from grasp_factory.writers.exporters.exporting import run_export
 from grasp_factory.writers.zarr.label_columns import NOT_LABELLED, write_label
@@ -178,15 +177,11 @@ def test_no_store_is_made_in_another_store(
     assert not (store.path / place).exists()
 
 
-def test_lines_without_a_number_count_too(
-    export: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lines_without_a_number_count_too(export: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(export, tmp_path / "export"))
     with (folder / "grasp_factory_episodes.jsonl").open("a") as file:
-        file.write("{}\n" * 100)
-    few = Limit("rows", 50, "a number of rows", is_count=True)
-    monkeypatch.setattr(exported, "ROWS", few)
-    with pytest.raises(LimitError, match="a number of rows of 51"):
+        file.write("{}\n")
+    with pytest.raises(StoreError, match="has more lines than 2, its episodes"):
         open_export(folder)
 
 
@@ -266,8 +261,9 @@ def test_rows_of_the_lines_are_refused_unless_each_has_its_own_number(
     export: Path, tmp_path: Path
 ) -> None:
     folder = Path(shutil.copytree(export, tmp_path / "export"))
-    with (folder / "grasp_factory_episodes.jsonl").open("a") as file:
-        file.write('{"episode": 1}\n')
+    lines = folder / "grasp_factory_episodes.jsonl"
+    first, second = map(json.loads, lines.read_text().splitlines())
+    lines.write_text("".join(f"{json.dumps(line | {'episode': 1})}\n" for line in (first, second)))
     with pytest.raises(GraspFactoryError, match="it does not number the episodes from 0"):
         restore(folder, tmp_path / "again.zarr")
 

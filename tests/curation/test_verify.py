@@ -33,6 +33,7 @@ from support.damage import (
 )
 from support.elsewhere import HERE, THERE, made_there, move, set_texts
 from support.helpers import tree
+from support.replaced_block import replace_block
 from support.scale import scaled
 from support.stored import made_here_but_for_our_version, old_store
 from zarr.codecs import GzipCodec
@@ -63,7 +64,6 @@ from grasp_factory.writers.zarr.encoding import packed_shard
 from grasp_factory.writers.zarr.label_columns import added_labels
 from grasp_factory.writers.zarr.layout import ZSTD_LEVEL
 from grasp_factory.writers.zarr.store import prepare_store
-from grasp_factory.writers.zarr.writer import ZarrWriter
 
 pytestmark = pytest.mark.slow
 
@@ -536,7 +536,7 @@ def test_what_cannot_be_true_is_named_even_where_checksums_match(
     path, value = UNTRUE[what]
     rows = [altered(row, path, value) if row.spec.index == i else row for row in rows]
     shutil.rmtree(copy / FOLDER)
-    ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
+    replace_block(copy, i // 4, rows, [HERE.text] * len(rows))
     assert Dataset(copy).verify(i)
     problems = verify(copy).problems
     assert {problem.episode for problem in problems} == {i}
@@ -551,7 +551,7 @@ def test_an_outcome_that_the_streams_do_not_give_is_named(
 ) -> None:
     i, rows = held
     rows = [replace(row, outcome=outcome) if row.spec.index == i else row for row in rows]
-    ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
+    replace_block(copy, i // 4, rows, [HERE.text] * len(rows))
     arrays = {problem.array for problem in verify(copy).problems}
     assert {"episodes/outcome", "streams/reward"} <= arrays
 
@@ -590,7 +590,7 @@ def test_a_camera_that_cannot_be_is_named(
     wrong.flat[0] = value
     cameras = {"front": replace(frames, **{name: wrong})}
     rows = [replace(row, cameras=cameras) if row.spec.index == i else row for row in rows]
-    ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
+    replace_block(copy, i // 4, rows, [HERE.text] * len(rows))
     assert [(problem.episode, problem.array) for problem in verify(copy).problems
             if not problem.array.startswith(FOLDER)] == [(i, f"cameras/front/{name}")]  # fmt: skip
 
@@ -657,7 +657,7 @@ class TestDeep:
         cameras = {"front": replace(frames, rgb=rgb)}
         rows = [replace(row, cameras=cameras) if row.spec.index == i else row for row in rows]
         shutil.rmtree(copy / FOLDER)
-        ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
+        replace_block(copy, i // 4, rows, [HERE.text] * len(rows))
         assert verify(copy).is_whole
         (problem,) = verify(copy, deep=N).problems
         assert (problem.episode, problem.array) == (i, "cameras/front/rgb")
@@ -675,7 +675,7 @@ class TestDeep:
         cameras = {"front": replace(frames, rgb=frames.rgb ^ 1)}
         rows = [replace(row, cameras=cameras) if row.spec.index == i else row for row in rows]
         shutil.rmtree(copy / FOLDER)
-        ZarrWriter(copy).write_block(i // 4, rows, [HERE.text] * len(rows))
+        replace_block(copy, i // 4, rows, [HERE.text] * len(rows))
         same = "fingerprint and versions are the recording's"
         assert same in verify(copy, deep=N).problems[0].what
         move(monkeypatch)

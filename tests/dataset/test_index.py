@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.fake_episodes import JOINTS, make_rows, make_spec, small_config
+from support.replaced_block import replace_block
 
 from grasp_factory.cli.query import SHOWN
 from grasp_factory.core.cache import VARIABLE
@@ -283,7 +284,7 @@ class TestDerived:
             assert index.refresh() == 3
             writer.write_block(MISSING_BLOCK, make_rows(CONFIG, MISSING_BLOCK, N))
             assert index.refresh() == 4
-            writer.write_block(0, make_rows(CONFIG, 0, N, (1,)))  # made again: one has no luck
+            replace_block(store, 0, make_rows(CONFIG, 0, N, (1,)))  # made again: one has no luck
             assert index.refresh() == 4
             log.append("me", [0], [("untag", "Ünusual"), ("quality", None)])
             log.append("me", [5], [("outcome", "success"), ("note", "see")])

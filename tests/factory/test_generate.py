@@ -45,6 +45,7 @@ from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.world import World
 from grasp_factory.writers.zarr import segment_packing
+from grasp_factory.writers.zarr.block_attempt import BlockAttempt
 from grasp_factory.writers.zarr.column_segments import segments
 from grasp_factory.writers.zarr.lock import StoreLock
 
@@ -252,18 +253,17 @@ class TestGrowingACutBlock:
         want = {i: Dataset(ten)[i].checksum() for i in (8, 9)}
         left = writes
 
-        write = Place.write
+        stage = BlockAttempt.stage
 
-        def fails_later(file: Place, data: bytes, *, durable: bool = False) -> None:
+        def fails_later(attempt: BlockAttempt, file: Place, data: bytes) -> None:
             nonlocal left
-            if not durable:  # a file of a block
-                if left == 0:
-                    raise OSError(errno.ENOSPC, "No space left on device")
-                left -= 1
-            write(file, data, durable=durable)
+            if left == 0:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            left -= 1
+            stage(attempt, file, data)
 
         with monkeypatch.context() as patch, pytest.raises(StoreError, match="No space left"):
-            patch.setattr(Place, "write", fails_later)
+            patch.setattr(BlockAttempt, "stage", fails_later)
             generate(CONFIG, 12, ten, workers=1)
         dataset = Dataset(ten, checked=True)
         assert dataset.committed.tolist() == list(range(10))
@@ -358,7 +358,7 @@ def test_a_path_that_is_something_else_is_refused_and_kept(out: Path) -> None:
 
 def test_a_store_of_another_config_is_refused_and_kept(ten: Path) -> None:
     before = tree(ten)
-    with pytest.raises(StoreMismatchError, match="seed: 0 against 1"):
+    with pytest.raises(StoreMismatchError, match="it has seed: 0, and this run has 1"):
         generate(dataclasses.replace(CONFIG, seed=1), 19, ten, workers=1)
     assert tree(ten) == before
 

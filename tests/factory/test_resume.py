@@ -142,11 +142,12 @@ class TestOnAnotherPlatform:
     ) -> None:
         (tmp_path / "c.yaml").write_text(Request(config=CONFIG, n=10, workers=1).to_yaml())
         words = ("generate", "--config", tmp_path / "c.yaml", "--out", out)
-        code, said, err = run(*words)
-        assert (code, said, err.count("\n")) == (2, "", 1)
-        assert "--accept-other-platform" in err
-        code, _, err = run(*words, "--dry-run")
-        assert (code, err.count("\n")) == (2, 1)
+        for more in ((), ("--dry-run",)):
+            code, said, err = run(*words, *more)
+            note, error = err.splitlines()
+            assert (code, said, note) == (2, "", f"Using the config of {out}.")
+            assert error.startswith("Error: ")
+            assert "--accept-other-platform" in error
 
 
 def test_going_on_where_the_store_was_begun_gives_the_bytes_of_one_run(

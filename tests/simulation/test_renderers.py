@@ -148,9 +148,8 @@ class TestStores:
         assert read_attributes(path)["renderer"] == renderer.value
         check_place(path, config)
         (other,) = set(Renderer) - {renderer}
-        with pytest.raises(
-            StoreMismatchError, match=f"renderer: '{renderer.value}' against '{other.value}'"
-        ):
+        differs = f"renderer: '{renderer.value}', and this run has '{other.value}'"
+        with pytest.raises(StoreMismatchError, match=differs):
             check_place(path, dataclasses.replace(config, renderer=other))
 
     @pytest.mark.soak

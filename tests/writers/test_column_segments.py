@@ -24,6 +24,7 @@ from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import StoreError
 from grasp_factory.writers import ZarrWriter
 from grasp_factory.writers.zarr import column_segments, segment_packing
+from grasp_factory.writers.zarr.block_attempt import BlockAttempt
 from grasp_factory.writers.zarr.column_segments import FOLDER, apart, coded, segments
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.segment_packing import is_time_to_pack, pack
@@ -287,20 +288,21 @@ class TestABlockThatIsWrittenAgain:
     def test_takes_its_segment_away_first(
         self, path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        writer, rows = ZarrWriter(path), make_rows(CONFIG, 5, N, quarantined=(20,))
+        writer, rows = ZarrWriter(path), make_rows(CONFIG, 1, N)
 
         def killed(*_: Any) -> None:
             raise KeyboardInterrupt
 
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(ZarrWriter, "_write", killed)
-            writer.write_block(5, rows)
-        assert names(path) == ["0-1.npz"]
-        assert pending_blocks(path, N) == [MISSING, 5]
-        writer.write_block(5, rows)
-        assert Dataset(path).status[20:24].tolist() == [2, 1, 1, 1]
+            patch.setattr(BlockAttempt, "publish", killed)
+            writer.write_block(1, rows)
+        assert names(path) == ["4-5.npz"]
+        assert pending_blocks(path, N) == [MISSING]
+        assert Dataset(path).status[4:8].tolist() == [1, 2, 1, 1]
+        writer.write_block(1, rows)
+        assert Dataset(path).status[4:8].tolist() == [1, 1, 1, 1]
         pack(path)
-        assert Dataset(path).status[20:24].tolist() == [2, 1, 1, 1]
+        assert Dataset(path).status[4:8].tolist() == [1, 1, 1, 1]
 
     def test_lists_no_directory_with_a_name_for_each_block(
         self, path: Path, monkeypatch: pytest.MonkeyPatch

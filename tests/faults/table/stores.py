@@ -7,22 +7,23 @@ from faults.fault import Fault
 FAULTS = (
     Fault(
         "committed-before-the-data",
-        "writers/zarr/writer.py",
-        "for fields in (data, [schema.STATUS]):",
-        "for fields in ([schema.STATUS], data):",
+        "writers/zarr/block_attempt.py",
+        "            for file in self._files:\n                staged =",
+        "            self._staged[self._marker.inner].replace(self._marker)\n"
+        "            for file in self._files:\n                staged =",
         ("writers/test_writers.py", "writers/test_disk_faults.py"),
     ),
     Fault(
         "directories-not-synced",
-        "writers/zarr/writer.py",
-        "fsync_places([*written, *(self._place / field.path for field in fields)])",
-        "fsync_places(written)",
+        "writers/zarr/block_attempt.py",
+        "            fsync_places(_folders(self._files))\n",
+        "",
         ("writers/test_writers.py", "writers/test_disk_faults.py"),
     ),
     Fault(
         "stale-segment-kept-by-a-write",
         "writers/zarr/writer.py",
-        "        unpack_block(self._place, block)\n",
+        "            unpack_block(self._place, block)\n",
         "",
         ("writers/test_column_segments.py",),
     ),
