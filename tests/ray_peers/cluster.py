@@ -14,7 +14,16 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-RAY = Path(sys.executable).with_name("ray")
+LOOPBACK = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
+"""Where it is 0, Ray takes 127.0.0.1 for what it is, and starts no second node."""
+RAY = """
+import sys
+from ray._private import services
+services.resolve_ip_for_localhost = lambda host: host  # it would be the outer address
+from ray.scripts.scripts import main
+sys.argv = ["ray", *sys.argv[1:]]
+main()
+"""
 PORT = 26379
 START_S = 180.0
 
@@ -32,7 +41,7 @@ class Nodes:
         self.environment: Mapping[str, str] = os.environ | {
             "RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32),
             "RAY_TMPDIR": str(self.folder), "RAY_USAGE_STATS_ENABLED": "0",
-            "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # else it listens on outer interfaces, too
+            LOOPBACK: "0",
         }  # fmt: skip
         self.address = f"ray:127.0.0.1:{PORT}"
         self._processes: list[subprocess.Popen[bytes]] = []
@@ -49,8 +58,9 @@ class Nodes:
     def _run(self, *options: str) -> None:
         self._processes.append(
             subprocess.Popen(
-                [str(RAY), "start", *options],
-                env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                [sys.executable, "-c", RAY, "start", *options],
+                env={**self.environment, LOOPBACK: "1"},
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                 start_new_session=True,
             )
         )  # fmt: skip

@@ -174,7 +174,8 @@ def _name(node: Mapping[str, Any]) -> str:
 
 def _one_line(error: BaseException) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return (lines[-1] if lines else type(error).__name__)[:_LONGEST_WHY]
+    sentence = lines[-1].partition(". ")[0].rstrip(".") if lines else type(error).__name__
+    return sentence[:_LONGEST_WHY]
 
 
 @contextlib.contextmanager
