@@ -43,6 +43,8 @@ MISSING, COMMITTED, QUARANTINED = range(3)
 """Values of the column ``status``."""
 WAITS_S = tuple(min(0.05 * 1.5**k, 2.0) for k in range(16))
 """Longest waits before a block is tried again that another process is writing, seconds."""
+_JITTER = random.SystemRandom()
+"""Of the waits. It leaves the generators alone that a program may have seeded."""
 
 Values = Mapping[str, NDArray[Any]]
 """One row of the store: array by path. A path that is missing gets the fill value."""
@@ -100,7 +102,7 @@ class ZarrWriter(Writer):
             try:
                 return self._attempt(block, values)
             except SupersededError:
-                time.sleep(random.uniform(0.0, wait_s))
+                time.sleep(_JITTER.uniform(0.0, wait_s))
         raise StoreError(
             f"{self.path}: block {block} is written by other processes again and again: wait for"
             " them, then run the same command again"
