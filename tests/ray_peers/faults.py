@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from support.helpers import assert_same_tree
+from support.helpers import tree
 
 from ray_peers.cluster import Nodes, send, two_nodes
 
@@ -128,7 +128,10 @@ def check(name: str, want: Path, folder: Path, wait_s: float) -> str:
             raise SystemExit(
                 f"{name}: the same command ended with {again.returncode}: {said}{more}"
             )
-    assert_same_tree(want, out)
+    wanted, found = tree(want), tree(out)
+    differ = [f for f in wanted.keys() | found.keys() if wanted.get(f) != found.get(f)]
+    if differ:
+        raise SystemExit(f"{name}: differ: {sorted(differ)[:20]}; {said}")
     left = {path.name for path in folder.iterdir()} - {"ds.zarr", "ds.zarr.runs.jsonl"}
     if left:
         raise SystemExit(f"{name}: left beside the store: {sorted(left)}")
