@@ -16,8 +16,9 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.factory import dry_run
 from grasp_factory.factory.block_job import Made
-from grasp_factory.factory.generate import RunPlan, Summary, generate
+from grasp_factory.factory.generate import generate
 from grasp_factory.factory.run_bar import RunBar
+from grasp_factory.factory.run_records import RunPlan, Summary
 from grasp_factory.factory.run_request import Request
 from grasp_factory.writers.zarr.store import missing_rows
 

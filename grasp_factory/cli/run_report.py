@@ -17,7 +17,7 @@ from grasp_factory.factory.run_request import WHOLE
 
 if TYPE_CHECKING:
     from grasp_factory.factory.dry_run import Forecast
-    from grasp_factory.factory.generate import RunPlan, Summary
+    from grasp_factory.factory.run_records import RunPlan, Summary
 
 MOST_NAMED = 10
 """Quarantined episodes that a summary names."""

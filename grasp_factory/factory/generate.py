@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.core.progress import has_bars
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.dataset.summary import StoreSummary, summarise
+from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import StoreBusyError
 from grasp_factory.factory import embedded_assets
 from grasp_factory.factory.block_job import Begun, BlockJob, Committed, Made, shard_rows
@@ -31,6 +30,7 @@ from grasp_factory.factory.plugins import activate, with_plugins
 from grasp_factory.factory.retry_policy import Failures, Losses
 from grasp_factory.factory.run_bar import RunBar
 from grasp_factory.factory.run_log import RunLog
+from grasp_factory.factory.run_records import RunPlan, Summary
 from grasp_factory.factory.run_request import (
     EPISODE_TIMEOUT_S,
     EXECUTOR,
@@ -47,42 +47,6 @@ from grasp_factory.writers.zarr.lock import ShardLock, StoreLock
 from grasp_factory.writers.zarr.segment_packing import is_time_to_pack, pack
 from grasp_factory.writers.zarr.store import check_place, missing_rows, prepare_store
 from grasp_factory.writers.zarr.writer import QUARANTINED, ZarrWriter
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunPlan:
-    """What a run is about to do."""
-
-    path: Path
-    config: FactoryConfig
-    episodes: int
-    """Rows of the store."""
-    to_make: int
-    """Episodes that are not there yet, of all blocks that this run touches."""
-    already_there: int
-    """Of the episodes asked for."""
-    blocks: tuple[int, ...]
-    workers: int
-    shard: Shard
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
-    """What a run did, and what the store holds now."""
-
-    asked: int
-    """Episodes of the run's part of the store."""
-    made: int
-    already_there: int
-    """Of those asked for."""
-    seconds: float
-    episodes_per_second: float | None
-    """None when nothing was to be made."""
-    quarantined: Mapping[int, str]
-    """Episodes asked for that are quarantined, and why."""
-    failed: bool
-    """Whether more episodes are quarantined than ``max_failures`` allows."""
-    store: StoreSummary
 
 
 def generate(

@@ -30,7 +30,7 @@ from grasp_factory.errors import (
     StoreMismatchError,
     UsageError,
 )
-from grasp_factory.factory.generate import Summary
+from grasp_factory.factory.run_records import Summary
 from grasp_factory.factory.run_request import Request, Shard
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter

@@ -84,8 +84,9 @@ SIMULATES: Mapping[str, tuple[str, ...]] = {
 SIMULATORS = (
     *("simulation.", "apps.active_learning", "apps.physics_check", "apps.pictures.preview"),
     *("apps.conformance.robot_checks", "apps.conformance.object_set_checks"),
-    *("apps.playback.playback", "cli.run_progress", "curation.replay", "factory.block_maker"),
-    *("factory.dry_run", "factory.generate", "factory.dry_run_pilots", "factory.platform_check"),
+    *("apps.playback.clip", "apps.playback.playback", "cli.run_progress", "curation.replay"),
+    *("factory.block_maker", "factory.dry_run", "factory.generate", "factory.dry_run_pilots"),
+    *("factory.node_check", "factory.platform_check"),
 )
 """How the names begin of the modules that import the simulator."""
 IMPORT_ALL = """

@@ -40,7 +40,8 @@ from grasp_factory.errors import (
 from grasp_factory.factory import block_maker, platform_check
 from grasp_factory.factory import generate as factory
 from grasp_factory.factory.block_job import Made, block_range
-from grasp_factory.factory.generate import RunPlan, generate
+from grasp_factory.factory.generate import generate
+from grasp_factory.factory.run_records import RunPlan
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling.spec import sample_spec
 from grasp_factory.simulation.world import World

@@ -22,7 +22,8 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, StoreBusyError
 from grasp_factory.factory import block_job, block_maker
-from grasp_factory.factory.generate import RunPlan, generate
+from grasp_factory.factory.generate import generate
+from grasp_factory.factory.run_records import RunPlan
 from grasp_factory.factory.run_request import Request, Shard
 from grasp_factory.writers.zarr.lock import ShardLock, StoreLock
 

@@ -11,7 +11,8 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.platforms import difference, fingerprint_of
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import FailuresError, StoreMismatchError
-from grasp_factory.factory.generate import Summary, generate
+from grasp_factory.factory.generate import generate
+from grasp_factory.factory.run_records import Summary
 from grasp_factory.factory.run_request import Request
 from grasp_factory.simulation.fingerprint import fingerprint
 

@@ -26,7 +26,7 @@ from grasp_factory.factory.block_job import Made
 if TYPE_CHECKING:
     from grasp_factory.apps.browse.serving import Server
     from grasp_factory.dataset.index import Index
-    from grasp_factory.factory.generate import RunPlan
+    from grasp_factory.factory.run_records import RunPlan
 
 HOST = "127.0.0.1"
 LONGEST_ERROR = 500

@@ -21,7 +21,7 @@ from grasp_factory.core.serialization import to_plain
 from grasp_factory.factory.block_job import LONGEST_REASON, Made
 
 if TYPE_CHECKING:
-    from grasp_factory.factory.generate import RunPlan
+    from grasp_factory.factory.run_records import RunPlan
 
 STEP_S = 1.0
 """Seconds between two updates of the run's state."""

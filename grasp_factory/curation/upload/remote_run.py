@@ -25,7 +25,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.snapshots.version import rows_sha256
 from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import ConfigError, StoreMismatchError, UsageError
-from grasp_factory.factory.generate import Summary
+from grasp_factory.factory.run_records import Summary
 from grasp_factory.factory.run_request import Request
 from grasp_factory.writers.zarr.budgets import check_block_size
 from grasp_factory.writers.zarr.writer import MISSING, QUARANTINED
