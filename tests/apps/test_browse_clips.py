@@ -162,7 +162,7 @@ class TestTheServer:
 
 
 def workers(server: Running) -> list[int]:
-    """Return the worker processes of a server; one that only keeps books is none."""
+    """Return the worker processes of a server, without the tracker of its resources."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:

@@ -86,20 +86,20 @@ def _(store: Path, outside: Path) -> None:
     (store / "episodes/object_ids/0.0").write_bytes(compress(_words("ab", 11_000_000), 1))
 
 
-@attack("a chunk of 25 million empty words that is not on the disk")
-def _(store: Path, outside: Path) -> None:
-    coded("episodes/policy", [_WORDS])(store, outside)
-    with (store / "episodes/policy/0").open("wb") as file:
-        file.write(struct.pack("<I", 25_000_000))
-        file.truncate(4 + 4 * 25_000_000)
+def _empty_words(count: int) -> Attack:
+    """Write a chunk of empty words, of which the disk has a few bytes."""
+
+    def write(store: Path, outside: Path) -> None:
+        coded("episodes/policy", [_WORDS])(store, outside)
+        with (store / "episodes/policy/0").open("wb") as file:
+            file.write(struct.pack("<I", count))
+            file.truncate(4 + 4 * count)
+
+    return write
 
 
-@attack("words of 240 MB that are not on the disk")
-def _(store: Path, outside: Path) -> None:
-    coded("episodes/policy", [_WORDS])(store, outside)
-    with (store / "episodes/policy/0").open("wb") as file:
-        file.write(struct.pack("<I", 60_000_000))
-        file.truncate(4 + 4 * 60_000_000)
+ATTACKS["a chunk of 25 million empty words that is not on the disk"] = _empty_words(25_000_000)
+ATTACKS["words of 240 MB that are not on the disk"] = _empty_words(60_000_000)
 
 
 @attack("80 rows that are damaged")

@@ -9,7 +9,7 @@ export function makeMotionClips({ store, row, episode, signal }, loaded) {
   const left = new AbortController();
   const ends = signal ? AbortSignal.any([signal, left.signal]) : left.signal;
 
-  /** {image, time} of a camera at a time; {said} while there is none. */
+  /** Returns {image, time} of a camera at a time, or {said} until the clip has come. */
   function at(camera, time) {
     const found = clips.get(camera) ?? ask(camera);
     if (!found.clip) return { said: found.said };

@@ -63,7 +63,7 @@ class Transport(ABC):
 
     @abstractmethod
     def answer(self, wait_s: float) -> Answer | None:
-        """Return the next answer of any node; None if there is none within so many seconds."""
+        """Return the next answer of any node, or None if no node answers in that time."""
 
     @abstractmethod
     def drop(self, node: str) -> None:
