@@ -66,6 +66,7 @@ CHUNK_ROWS = Limit("chunk-rows", 10_000, "a number of rows of a chunk", is_count
 BLOCK = Limit("block", 512 * 2**20, "a block of episodes, expanded,")
 COLUMN = Limit("column", 512 * 2**20, "a column of all rows")
 WORDS = Limit("words", 256 * 2**20, "the text of columns that are read together")
+WORD = Limit("word", 64 * 2**10, "a word of a column, on average over a chunk,")
 EMBEDDED = Limit("embedded", 128 * 2**20, "embedded data")
 SOURCE = Limit("source", 256 * 2**10, "the source of a plugin", source="file")
 SEGMENT = Limit("segment", 256 * 2**20, "a column of a packed segment")
@@ -99,6 +100,7 @@ RECORDS = Limit(
     "records", 100_000, "a number of records beyond one in 8 bytes on the disk", is_count=True,
     source="session",
 )  # fmt: skip
+PIXELS = Limit("pixels", 64_000_000, "a number of pixels", is_count=True, source="image")
 MODEL = Limit("model", 256 * 2**20, "a model", source="model")
 LIMITS = {
     limit.name: limit
@@ -109,6 +111,7 @@ LIMITS = {
         BLOCK,
         COLUMN,
         WORDS,
+        WORD,
         EMBEDDED,
         SOURCE,
         SEGMENT,
@@ -135,6 +138,7 @@ LIMITS = {
         SESSION_CPU,
         EXPANDED,
         RECORDS,
+        PIXELS,
         MODEL,
     )
 }

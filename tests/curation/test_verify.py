@@ -43,6 +43,7 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.finite_check import non_finite
+from grasp_factory.core.limits import VARIABLE, WORD
 from grasp_factory.core.schema import FIELDS
 from grasp_factory.curation.repair import repair
 from grasp_factory.curation.verify import verification, verify
@@ -58,7 +59,7 @@ from grasp_factory.errors import (
 )
 from grasp_factory.factory.generate import generate
 from grasp_factory.writers.base import Quarantined
-from grasp_factory.writers.zarr import chunks, segment_packing
+from grasp_factory.writers.zarr import segment_packing
 from grasp_factory.writers.zarr.column_segments import FOLDER
 from grasp_factory.writers.zarr.encoding import packed_shard
 from grasp_factory.writers.zarr.label_columns import added_labels
@@ -400,13 +401,16 @@ def test_a_damaged_label_is_named_by_readers_in_words(copy: Path, run: Any) -> N
     assert f"array labels/{LABEL}/outcome: zarr.json is missing" in err
 
 
-def test_a_chunk_that_stands_for_gigabytes_is_refused(copy: Path) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chunks, "MOST_BYTES_OF_A_WORD", 2**14)
-        bomb = zstd.compress(bytes(CONFIG.block_size * 2**14 + 1), 1)
-        (copy / "episodes/policy/1").write_bytes(bomb)
-        problems = verify(copy).problems
-    assert [p.episode for p in problems if "valid: up to 65536" in p.what] == [4, 5, 6, 7]
+def test_words_that_are_long_on_average_are_refused_before_they_are_decoded(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    most = CONFIG.block_size * (WORD.usual + 4) + 4
+    (copy / "episodes/policy/1").write_bytes(zstd.compress(bytes(most + 1), 1))
+    problems = [p for p in verify(copy).problems if f"valid: up to {most}; if you" in p.what]
+    assert [p.episode for p in problems] == [4, 5, 6, 7]
+    assert "raise the limit: grasp-factory --limit word=SIZE" in problems[0].what
+    monkeypatch.setenv(VARIABLE, "word=1MiB")
+    assert not any("valid: up to" in p.what for p in verify(copy).problems)
 
 
 class TestTheRoot:

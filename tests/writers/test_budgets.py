@@ -62,6 +62,16 @@ def test_a_video_of_more_frames_than_readers_accept_is_not_begun(tmp_path: Path)
     check_place(tmp_path / "s.zarr", dataclasses.replace(slow, video_hz=10))
 
 
+def test_parameters_that_would_make_recipes_too_long_for_readers_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = dataclasses.replace(LARGE, block_size=4, policy_parameters={"x": {"y": "z" * 40_000}})
+    with pytest.raises(ConfigError, match=r"^policy_parameters: got '40,016 bytes"):
+        check_place(tmp_path / "s.zarr", config)
+    monkeypatch.setenv(VARIABLE, "word=1MiB")
+    check_place(tmp_path / "s.zarr", config)
+
+
 def test_a_store_that_was_begun_already_is_continued(tmp_path: Path) -> None:
     prepare_store(tmp_path / "s.zarr", LARGE, JOINTS, 100, {})
     check_place(tmp_path / "s.zarr", LARGE)

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from grasp_factory.core.image_size import check_pixels
 from grasp_factory.errors import shown
 from grasp_factory.writers.exporters.images import depth_to_uint16
 
@@ -157,10 +158,11 @@ def _compressed_depth(kind: str, data: NDArray[np.uint8]) -> NDArray[np.uint16]:
 
 
 def _pixels(data: NDArray[np.uint8], kind: str) -> NDArray[Any]:
-    """Return the pixels of a PNG or JPEG file, (H, W) or BGR(A) (H, W, channels)."""
+    """Return the pixels of a PNG, JPEG or TIFF file, (H, W) or BGR(A) (H, W, channels)."""
     try:
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error:
+        check_pixels(data.tobytes(), f"format {shown(kind)}")
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    except (cv2.error, ValueError):
         image = None
     if image is None:
         raise ValueError(f"format {shown(kind)}: the data are no image that OpenCV can read")

@@ -17,6 +17,7 @@ from grasp_factory.capture.calibration.document import read_bytes
 from grasp_factory.capture.calibration.recorded_messages import message_file, messages_of
 from grasp_factory.core.executors.base import SendMessage
 from grasp_factory.core.executors.import_process import in_import_process
+from grasp_factory.core.image_size import check_pixels
 from grasp_factory.core.optional import require
 from grasp_factory.errors import CaptureError, UsageError, shown
 
@@ -98,11 +99,14 @@ def _in_folder(job: ViewsJob) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     for name in _spread(image_names(job.source), job.most):
         data = read_bytes(job.source / name, _MOST_BYTES)
         try:
+            check_pixels(data, job.source / name)
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
-        except cv2.error:
+        except (cv2.error, ValueError):
             image = None
         if image is None:
-            raise CaptureError(f"{job.source / name} is no image that OpenCV can read")
+            raise CaptureError(
+                f"{job.source / name} is no PNG, JPEG, BMP or TIFF image that can be read"
+            )
         yield name, np.asarray(image, np.uint8)
 
 

@@ -26,7 +26,8 @@ from zarr.codecs import (
 from zarr.core.array_spec import ArraySpec
 from zarr.core.buffer import Buffer
 
-from grasp_factory.writers.zarr.chunks import MOST_BYTES, content_size
+from grasp_factory.core.limits import WORD
+from grasp_factory.writers.zarr.chunks import content_size, most_bytes_of_words
 
 _NAMES = "zstd, gzip, blosc, sharding_indexed, bytes, vlen-utf8, transpose, crc32c"
 _GZIP = 16 + zlib.MAX_WBITS
@@ -94,10 +95,12 @@ def _bounded(codec: Any) -> Codec:
 def _most(spec: ArraySpec) -> int:
     """Return the most bytes of a chunk; words are limited as in this package's layout."""
     dtype = spec.dtype.to_native_dtype()
-    return MOST_BYTES if dtype.kind == "T" else math.prod(spec.shape) * dtype.itemsize
+    count = math.prod(spec.shape)
+    return most_bytes_of_words(count) if dtype.kind == "T" else count * dtype.itemsize
 
 
 def _check(size: int | None, spec: ArraySpec) -> None:
     most = _most(spec)
     if size is None or size > most:
-        raise ValueError(f"a chunk of {size or 'unknown'} bytes, valid: up to {most}")
+        advice = f"; {WORD.advice}" if spec.dtype.to_native_dtype().kind == "T" else ""
+        raise ValueError(f"a chunk of {size or 'unknown'} bytes, valid: up to {most}{advice}")

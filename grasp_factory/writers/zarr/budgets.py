@@ -6,6 +6,7 @@ row takes at most as much memory as a block of episodes; ``core.limits`` has the
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable
 from typing import Any
@@ -24,10 +25,11 @@ from grasp_factory.core.limits import (
     COLUMN,
     ROWS,
     VARIABLE,
+    WORD,
     WORDS,
 )
 from grasp_factory.core.place import Place
-from grasp_factory.core.serialization import check
+from grasp_factory.core.serialization import check, to_plain
 from grasp_factory.core.text_format import size_text
 from grasp_factory.writers.zarr.layout import shapes
 
@@ -59,6 +61,12 @@ def check_block_size(config: FactoryConfig) -> None:
         f" {CHUNKS.most}; {VARIABLE}=chunks=N raises this limit for all commands"
     )
     check(config.longest_video <= CHUNKS.most, "video_hz", config.video_hz, valid)
+    size = len(json.dumps(to_plain(config.policy_parameters)).encode())
+    valid = (
+        f"JSON of up to {size_text(WORD.most // 2)}, because each recipe has a copy of it;"
+        f" {VARIABLE}=word=SIZE raises this limit for all commands"
+    )
+    check(size <= WORD.most // 2, "policy_parameters", f"{size:,} bytes of JSON", valid)
 
 
 def _field_bytes(field: schema.Field, shape: tuple[int, ...]) -> int:

@@ -15,6 +15,7 @@ from numcodecs import zstd  # type: ignore[import-untyped]
 from numcodecs.vlen import VLenUTF8  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
+from grasp_factory.core.limits import WORD
 from grasp_factory.core.place import Place
 
 ABSENT = 2**64 - 1
@@ -26,7 +27,15 @@ _COUNT_BYTES = 4
 """Bytes of the number of words of a chunk, and of each word's number of bytes."""
 MOST_BYTES = 64 * 2**20
 """Largest content of a chunk of words that is decoded."""
-MOST_BYTES_OF_A_WORD = 2**20
+
+
+def most_bytes_of_words(count: int) -> int:
+    """Return the most bytes of a chunk of so many words.
+
+    This package writes names, and recipes of up to 20 kB. NumPy's strings of fixed length take
+    four bytes for each character, so long words cost a reader much more than their bytes.
+    """
+    return min(MOST_BYTES, _COUNT_BYTES + count * (_COUNT_BYTES + WORD.most))
 
 
 def unpack(data: bytes, out: NDArray[Any]) -> None:
@@ -39,10 +48,11 @@ def unpack(data: bytes, out: NDArray[Any]) -> None:
 
 def unpack_words(data: bytes, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return a chunk of words as an array of numpy's ``StringDType``."""
-    count, size = int(np.prod(shape)), content_size(data)
-    most = min(MOST_BYTES, count * MOST_BYTES_OF_A_WORD)
+    count = int(np.prod(shape))
+    size, most = content_size(data), most_bytes_of_words(count)
     if size is None or size > most:  # a few bytes may decompress to gigabytes
-        raise ValueError(f"a chunk of {size or 'unknown'} bytes of words, valid: up to {most}")
+        got = f"a chunk of {size or 'unknown'} bytes of words"
+        raise ValueError(f"{got}, valid: up to {most}; {WORD.advice}")
     content = zstd.decompress(data)
     if int.from_bytes(content[:4], "little") != count:
         raise ValueError(f"a chunk of another number of words than {count}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from pathlib import Path
 
 import cv2
@@ -18,7 +19,7 @@ from grasp_factory.capture.calibration.hand_eye_file import read_hand_eye, write
 from grasp_factory.capture.calibration.intrinsics import calibrate_camera
 from grasp_factory.capture.calibration.pose_pairs import pairs_of_images, read_pairs
 from grasp_factory.core.geometry import inverse, rotation_about, rotation_vector, transform
-from grasp_factory.errors import CaptureError, ConfigError, UsageError
+from grasp_factory.errors import CaptureError, ConfigError, LimitError, UsageError
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +79,14 @@ class TestIntrinsics:
 
     def test_a_file_that_is_no_image_is_one_line(self, tmp_path: Path) -> None:
         (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\nnothing")
-        with pytest.raises(CaptureError, match=r"a\.png is no image that OpenCV can read"):
+        with pytest.raises(CaptureError, match=r"a\.png is no PNG, JPEG, BMP or TIFF image"):
+            board_views(tmp_path, BOARD)
+
+    def test_a_large_image_is_refused_before_it_is_decoded(self, tmp_path: Path) -> None:
+        head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 12_000, 12_000)
+        (tmp_path / "a.png").write_bytes(head)  # whose pixels are not even there
+        words = r"a\.png: a number of pixels of 144,000,000, valid: up to 64,000,000; .* pixels=N"
+        with pytest.raises(LimitError, match=words):
             board_views(tmp_path, BOARD)
 
     def test_a_folder_without_images_says_what_is_valid(self, tmp_path: Path) -> None:

@@ -57,13 +57,23 @@ def _both(*attacks: Attack) -> Attack:
     return act
 
 
-@attack("20 blocks of words of 1 MB")
-def _(store: Path, outside: Path) -> None:
-    _grown(store, 2000)
-    _filled(store, "episodes/status", range(20), compress(bytes([1] * 4), 1))
-    content = compress(_words("x" * (2**20 - 100), 4), 1)
-    for name in ("policy", "object_set", "split", "object_family", "object_id", "fingerprint"):
-        _filled(store, f"episodes/{name}", range(20), content)
+def _long_words(blocks: int, length: int) -> Attack:
+    """Give the rows of some blocks long words in each column of names."""
+
+    def change(store: Path, outside: Path) -> None:
+        _grown(store, max(2000, 4 * blocks))
+        _filled(store, "episodes/status", range(blocks), compress(bytes([1] * 4), 1))
+        content = compress(_words("x" * length, 4), 1)
+        names = ("policy", "object_set", "split", "object_family", "object_id", "fingerprint")
+        for name in (*names, "grasp_proposer"):
+            _filled(store, f"episodes/{name}", range(blocks), content)
+
+    return change
+
+
+ATTACKS["20 blocks of words of 1 MB"] = _long_words(20, 2**20 - 100)
+ATTACKS["300 blocks of words of 1 MB"] = _long_words(300, 2**20 - 100)
+ATTACKS["300 blocks of words of 64 kB"] = _long_words(300, 2**16)
 
 
 def _fill(size: int) -> Attack:
