@@ -90,6 +90,9 @@ IMPORT_FILE = Limit("import-file", 4 * 2**30, "a file of an import", source="fil
 IMPORT_CPU = Limit(
     "import-seconds", 3600, "the CPU time of an import", is_count=True, source="file"
 )
+BAG_TOPICS = Limit("bag-topics", 2000, "a number of topics", is_count=True, source="bag")
+BAG_TEXTS = Limit("bag-texts", 2**19, "descriptions of topics and messages", source="bag")
+BAG_MESSAGE = Limit("bag-message", 128 * 2**10, "the definition of a message", source="bag")
 SESSION_MEMORY = Limit("session-memory", 2**31, "the memory to read a session", source="session")
 SESSION_FILE = Limit("session-file", 64 * 2**30, "a file of a session", source="session")
 SESSION_CPU = Limit(
@@ -133,6 +136,9 @@ LIMITS = {
         IMPORT_MEMORY,
         IMPORT_FILE,
         IMPORT_CPU,
+        BAG_TOPICS,
+        BAG_TEXTS,
+        BAG_MESSAGE,
         SESSION_MEMORY,
         SESSION_FILE,
         SESSION_CPU,

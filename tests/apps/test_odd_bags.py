@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from support import bags
 from support.bags import COMPRESSED, IMAGE, IMU, JOINTS, Content
 
 from grasp_factory.apps.bag_import.importing import import_bag, list_topics
-from grasp_factory.errors import StoreError, UsageError
+from grasp_factory.errors import LimitError, StoreError, UsageError
 
 Run = Callable[..., tuple[int, str, str]]
 START = 1_700_000_000_000_000_000
@@ -260,3 +261,48 @@ def test_a_topic_that_is_named_twice_is_refused(run: Run, tmp_path: Path) -> Non
     assert code == 2
     assert "--topics: '/imu' is named twice; name each topic once" in err
     assert list(tmp_path.iterdir()) == [bag]
+
+
+def described(file: Path, topics: int, definition: str, qos: str = "") -> Path:
+    """Return an MCAP file with a message on the last of some topics."""
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library="")
+        for k in range(topics):
+            schema = writer.register_schema("a/msg/B", "ros2msg", definition.encode())
+            told = {"offered_qos_profiles": qos}
+            channel = writer.register_channel(f"/t{k}", "cdr", schema, told)
+        writer.add_message(channel, log_time=1, publish_time=1, data=bytes(12))
+        writer.finish()
+    return file
+
+
+FIELDS = "".join(f"float64 x{k}\n" for k in range(11_000))
+
+
+@pytest.mark.parametrize(
+    ("topics", "definition", "qos", "words"),
+    [
+        (2001, "float64 x", "", "a number of topics of 2,001, valid: up to 2,000; .* bag-topics=N"),
+        (1, FIELDS, "", r"'a/msg/B': the definition of a message of 1.*bag-message=SIZE"),
+        (1500, "float64 x", "#" * 400, "descriptions of topics and messages of .* bag-texts=SIZE"),
+    ],
+)
+def test_what_a_bag_says_of_its_topics_is_bounded_before_it_is_parsed(
+    tmp_path: Path, topics: int, definition: str, qos: str, words: str
+) -> None:
+    with pytest.raises(LimitError, match=words):
+        list_topics(described(tmp_path / "b.mcap", topics, definition, qos))
+
+
+def test_a_folder_with_much_in_its_metadata_is_refused(tmp_path: Path) -> None:
+    bag = bags.mcap(tmp_path / "b", imus())
+    with (bag / "metadata.yaml").open("a") as file:
+        file.write("#" * 2**19)
+    with pytest.raises(LimitError, match=r"metadata\.yaml: descriptions of topics"):
+        list_topics(bag)
+
+
+def test_a_definition_that_many_topics_have_is_parsed_once(tmp_path: Path) -> None:
+    facts = list_topics(described(tmp_path / "b.mcap", 300, f"{FIELDS[:60_000]}\nfloat64 y\n# c"))
+    assert len(facts.topics) == 300  # parsed 300 times, it would exceed the limit of time

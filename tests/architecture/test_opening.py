@@ -89,7 +89,10 @@ OPENS: Mapping[str, str] = {
         ("__main__.py", "capture/ros2/network.py", "core/machine.py", "core/executors/limited.py"),
         "/dev/null, /proc",
     ),
-    "capture/bags/bag_file.py": "a bag of the user, read in a process with limits",
+    **dict.fromkeys(
+        ("capture/bags/bag_file.py", "capture/bags/topic_bounds.py"),
+        "a bag of the user, read in a process with limits",
+    ),
     "capture/session/camera_info.py": "a calibration file of the user",
     "cli/capture_demo.py": "a temporary folder",
     **dict.fromkeys(

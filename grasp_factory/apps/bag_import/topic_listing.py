@@ -80,12 +80,14 @@ def without_topic(reader: AnyReader) -> int:
     In a database the row of their topic is missing, or the metadata.yaml of the folder does not
     name the topic. rosbags passes over them.
     """
-    known = [_identity(connection) for connection in reader.connections]
+    known = {repr(_identity(connection)) for connection in reader.connections}
     lost = 0
     for part in reader.readers:
         storage: Any = getattr(part, "storage", None)  # a bag of ROS 1 has none
         for file in getattr(storage, "storages", [storage] if storage else []):
-            lost += sum(each.msgcount for each in file.connections if _identity(each) not in known)
+            lost += sum(
+                each.msgcount for each in file.connections if repr(_identity(each)) not in known
+            )
             if isinstance(file, Sqlite3Reader):
                 lost += file.metadata.message_count
                 lost -= sum(each.msgcount for each in file.connections)

@@ -14,6 +14,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
+from grasp_factory.capture.bags.topic_bounds import METADATA, bound_topics, check_texts
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import GraspFactoryError, StoreError, UsageError, shown
 
@@ -21,7 +22,6 @@ _MCAP = b"\x89MCAP0\r\n"
 """The first and the last bytes of a file."""
 _SUFFIXES = {b"#ROSBAG V2.0\n": ".bag", _MCAP: ".mcap", b"SQLite format 3\0": ".db3"}
 """Suffixes that rosbags tells the formats by, by how files of the formats begin."""
-_METADATA = "metadata.yaml"
 _VALID = (
     "valid: a .bag of ROS 1 (version 2.0), .mcap, .db3, a folder with metadata.yaml, or an export"
 )
@@ -59,8 +59,8 @@ def _check_folder(bag: Path) -> None:
         found = {entry.name: entry.is_file(follow_symlinks=False) for entry in entries}
     if "zarr.json" in found:
         raise UsageError(f"{bag} is a store, which is no bag and no export; {_VALID}")
-    if _METADATA not in found:
-        raise UsageError(f"{bag} has no {_METADATA}: name the .mcap or .db3 file in it; {_VALID}")
+    if METADATA not in found:
+        raise UsageError(f"{bag} has no {METADATA}: name the .mcap or .db3 file in it; {_VALID}")
     for name, is_regular in sorted(found.items()):
         if not is_regular:
             raise UsageError(f"{bag / name} is a link, a folder or no regular file: remove it")
@@ -120,6 +120,8 @@ def opened(bag: Path, aside: Path) -> Iterator[AnyReader]:
     suffix = bag_suffix(bag)
     if suffix == ".mcap":
         _check_end(bag)
+    with reading(bag):
+        check_texts(bag, suffix)
     name = f"bag{suffix}"  # rosbags goes by the suffix
     (aside / name).symlink_to(bag.absolute())
     with contextlib.ExitStack() as stack:
@@ -129,7 +131,10 @@ def opened(bag: Path, aside: Path) -> Iterator[AnyReader]:
         link = Path("/proc/self/fd", str(descriptor), name)  # a path without _URI_SIGNS
         with reading(bag, link):
             humble = get_typestore(Stores.ROS2_HUMBLE)
-            reader = stack.enter_context(AnyReader([link], default_typestore=humble))
+            reader = AnyReader([link], default_typestore=humble)
+            for part in reader.readers:
+                bound_topics(bag, part)
+            stack.enter_context(reader)
         for connection in reader.connections:
             _check_connection(bag, connection)
         yield reader
