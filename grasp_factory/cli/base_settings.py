@@ -36,7 +36,7 @@ from grasp_factory.factory.run_request import (
 )
 
 FOLDER_FILE = "grasp-factory.yaml"
-_CODE_KEYS = ("policies", "policy_parameters", "object_sets", "robot")
+_CODE_KEYS = ("policies", "policy_parameters", "object_sets", "robot", "sensors")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

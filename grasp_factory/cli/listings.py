@@ -99,7 +99,7 @@ def _cameras() -> Mapping[str, TableRow]:
 def _sensors() -> Mapping[str, TableRow]:
     from grasp_factory.core.sensors import SENSORS
 
-    return SENSORS
+    return _with_installed("sensors", SENSORS)
 
 
 robots = listing(
@@ -120,7 +120,8 @@ cameras = listing(
 )
 sensors = listing(
     "sensors",
-    "List the sensors.\n\nAll of them record during an attempt.",
+    "List the sensors.\n\nThose of this package always record during an attempt. The names of"
+    " others are values of `grasp-factory generate --sensor`.",
     _sensors,
 )
 

@@ -125,6 +125,15 @@ dataset_options = options(
         type=int,
         help="Frame rate of a video of each attempt from every camera.  [default: no video]",
     ),
+    _recording(
+        "--sensor",
+        "sensors",
+        metavar="NAME|FILE.py:NAME",
+        shell_complete=completes(rows_of("sensors"), files=True),
+        multiple=True,
+        help="Sensor of an installed package, or a SensorModel in a Python file; it records beside"
+        " those that `grasp-factory sensors` lists. Repeatable.",
+    ),
     _physics(
         "--physics",
         type=click.Choice(sorted(PHYSICS_PRESETS)),

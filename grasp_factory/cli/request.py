@@ -101,7 +101,7 @@ def _settings(flags: Mapping[str, Any]) -> dict[str, Any]:
     for key, name in (("policies", "--policy"), ("object_sets", "--objects")):
         if key in settings:
             settings[key] = _once_each(name, settings[key])
-    for key in ("cameras", "object_splits"):
+    for key in ("cameras", "object_splits", "sensors"):
         if key in settings:
             settings[key] = list(settings[key])
     return settings

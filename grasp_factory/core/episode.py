@@ -102,6 +102,8 @@ class EpisodeSpec:
     quality: QualityConfig
     recording: RecordingSource | None = None
     """What a real episode was cut from; None for a simulated one."""
+    sensors: tuple[str, ...] = ()
+    """Sensors of plugins that record, too."""
 
     def __post_init__(self) -> None:
         check_range(self, "seed", 0, 2**63 - 1)
@@ -127,6 +129,8 @@ class EpisodeSpec:
         plain = to_plain(self)
         if self.recording is None:
             del plain["recording"]
+        if not self.sensors:
+            del plain["sensors"]
         return json.dumps(plain, sort_keys=True, separators=(",", ":"))
 
     @classmethod

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sensor_array import fields_of
 from grasp_factory.core.enums import Outcome, label_names, names
 from grasp_factory.core.field import LABELS, Field
 from grasp_factory.core.field import field as _f
@@ -203,11 +204,13 @@ def expand(config: FactoryConfig) -> tuple[Field, ...]:
     """Return the fields of a config's store.
 
     Fields of cameras are repeated for each camera; groups with rate 0 are left out, and so is what
-    only real episodes have, unless the config has room for these.
+    only real episodes have, unless the config has room for these. The arrays of a plugin's sensors
+    are last.
     """
     absent = tuple(group for group in series_groups() if not group.rate(config))
     may_be_real = config.capture is not None
-    return _expand(tuple(config.cameras), config.clutter.count, absent, may_be_real)
+    own = _expand(tuple(config.cameras), config.clutter.count, absent, may_be_real)
+    return (*own, *fields_of(config.sensors)) if config.sensors else own
 
 
 def digested(fields: Iterable[Field]) -> tuple[str, ...]:

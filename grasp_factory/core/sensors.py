@@ -7,8 +7,9 @@ module does not import the classes: reading and checking a store needs no simula
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from grasp_factory.core.enums import Phase, names
 from grasp_factory.core.field import LABELS, Field
@@ -36,8 +37,8 @@ class SensorModel:
     """The group of its time series; all sensors of a group are sampled at the same instants."""
     fields: tuple[Field, ...]
     """The arrays that it records. One sensor of each group records ``timestamp``."""
-    implementation: str
-    """``module:class`` of the ``Sensor``."""
+    implementation: str | Callable[[Any], Any]
+    """``module:class`` of the ``Sensor``; or the class itself, of a plugin."""
 
 
 def _imu_capacity(config: FactoryConfig) -> int:
@@ -194,6 +195,10 @@ SENSORS: dict[str, SensorModel] = {
     for model in (CLOCK, ENCODERS, TRACKER, TACTILE, HAND, WRIST, WRIST_IMU, VIDEO)
 }
 """Sensors by name, in the order of their arrays in the schema."""
+
+
+PLUGIN_SENSORS: dict[str, SensorModel] = {}
+"""Sensors of users' files and of installed packages, by name; ``factory.plugins`` adds them."""
 
 
 def series_groups() -> tuple[SeriesGroup, ...]:

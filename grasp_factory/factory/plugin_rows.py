@@ -9,28 +9,33 @@ from typing import Any, cast
 
 from grasp_factory.core.config.plugin_origin import KINDS
 from grasp_factory.core.config.recording import check_name
+from grasp_factory.core.config.sensor_array import array_of, check_sensors
+from grasp_factory.core.sensors import PLUGIN_SENSORS, SensorModel
 from grasp_factory.errors import ConfigError, PluginError, shown
 from grasp_factory.objects import OBJECT_SETS, ObjectSet
 from grasp_factory.policies import POLICIES, Policy
 from grasp_factory.robots import ROBOTS, RobotModel
 
-PluginRow = Policy | RobotModel | ObjectSet
+PluginRow = Policy | RobotModel | ObjectSet | SensorModel
 
 TABLES: dict[str, dict[str, Any]] = {
     "policies": cast(dict[str, Any], POLICIES),
     "robots": cast(dict[str, Any], ROBOTS),
     "object_sets": cast(dict[str, Any], OBJECT_SETS),
+    "sensors": cast(dict[str, Any], PLUGIN_SENSORS),
 }
 """The tables that plugins add rows to, by kind."""
 TYPES: dict[str, type[Any]] = {
     "policies": Policy,
     "robots": RobotModel,
     "object_sets": ObjectSet,
+    "sensors": SensorModel,
 }
 VALID = {
     "policies": "a function plan(view, rng, settings), or a Policy",
     "robots": "a RobotModel",
     "object_sets": "an ObjectSet, such as a FiniteSet",
+    "sensors": "a SensorModel",
 }
 """What users write, by kind."""
 
@@ -70,6 +75,8 @@ def row_of(kind: str, value: Any, where: object, function_name: str) -> PluginRo
         raise PluginError(f"{where} is no {KINDS[kind]}: got {shown(value)}, valid: {VALID[kind]}")
     try:
         check_name("name", str(getattr(row, "name", "")))
+        if isinstance(row, SensorModel):
+            check_sensors({row.name: tuple(array_of(field, where) for field in row.fields)})
     except ConfigError as error:
         raise PluginError(f"{where}: {error}") from None
     return cast(PluginRow, row)

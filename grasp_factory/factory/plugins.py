@@ -1,4 +1,4 @@
-"""Policies, robots and object sets of the user's files and of installed packages.
+"""Policies, robots, object sets and sensors of the user's files and of installed packages.
 
 A config names them as ``FILE.py:NAME``, or by the name of an entry point. ``with_plugins`` replaces
 these names by words and notes the origins; ``activate`` adds the rows to the tables of a process.
@@ -15,6 +15,7 @@ from typing import Any
 from grasp_factory.core.cache import digest
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.config.plugin_origin import KINDS, PluginOrigin, listed
+from grasp_factory.core.config.sensor_array import SensorArray, array_of
 from grasp_factory.core.plugins.entry_points import InstalledPlugin, installed, source_digest
 from grasp_factory.core.plugins.file_loading import FileReference, attribute_of, file_reference
 from grasp_factory.core.plugins.plugin_sources import (
@@ -24,6 +25,7 @@ from grasp_factory.core.plugins.plugin_sources import (
     allowed,
     allowed_source,
 )
+from grasp_factory.core.sensors import SensorModel
 from grasp_factory.core.serialization import check
 from grasp_factory.errors import PluginError, StoreError, shown
 from grasp_factory.factory.plugin_rows import TABLES, PluginRow, row_of
@@ -62,6 +64,13 @@ def with_plugins(config: FactoryConfig) -> FactoryConfig:
 
     policies, robot = renamed("policies", config.policies), named("robots", config.robot)
     sets = renamed("object_sets", config.object_sets)
+    sensors = renamed("sensors", config.sensors)
+    known = origins.get("sensors", {})
+    for name in sensors:
+        valid = "FILE.py:NAME, or a sensor of an installed package"
+        check(name in known, "sensors", name, valid)
+        if name in TABLES["sensors"]:
+            sensors[name] = _arrays(TABLES["sensors"][name])
     if not origins:
         return config
     return dataclasses.replace(
@@ -70,6 +79,7 @@ def with_plugins(config: FactoryConfig) -> FactoryConfig:
         policy_parameters=renamed("policies", config.policy_parameters),
         robot=robot,
         object_sets=sets,
+        sensors=sensors,
         plugins=origins,
     )
 
@@ -89,6 +99,8 @@ def activate(config: FactoryConfig) -> None:
                 row = _row_of_file(kind, allowed_source(origin.sha256), origin)
             if row.name != name:
                 raise PluginError(f"{origin} is named {row.name!r}, and the config names {name!r}")
+            if isinstance(row, SensorModel) and _arrays(row) != config.sensors[name]:
+                raise PluginError(f"sensor {name}: the config has other arrays than {origin}")
             _add(kind, row, origin)
 
 
@@ -179,6 +191,10 @@ def _from_file(kind: str, reference: FileReference) -> tuple[PluginRow, PluginOr
     row = _row_of_file(kind, source, origin)
     _add(kind, row, origin)
     return row, origin
+
+
+def _arrays(row: SensorModel) -> tuple[SensorArray, ...]:
+    return tuple(array_of(field, row.name) for field in row.fields)
 
 
 def _row_of_file(kind: str, source: PluginSource | None, origin: PluginOrigin) -> PluginRow:

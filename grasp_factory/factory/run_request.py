@@ -36,7 +36,12 @@ RUN_KEYS = (
     *("n", "workers", "executor", "out", "shard", "episode_timeout", "max_failures"),
     *("retry_quarantined", "accept_other_platform"),
 )
-PLUGIN_KEYS = {"policies": "policies", "robots": "robot", "object_sets": "object_sets"}
+PLUGIN_KEYS = {
+    "policies": "policies",
+    "robots": "robot",
+    "object_sets": "object_sets",
+    "sensors": "sensors",
+}
 """The key that names the plugins of a kind, by kind."""
 CONFIG_KEYS = tuple(f.name for f in dataclasses.fields(FactoryConfig))
 SECTIONS = sections_of(FactoryConfig)
@@ -164,7 +169,7 @@ def resolve_request(
 
     A section such as ``physics`` is merged key by key; a table of names such as ``policies`` or
     ``cameras`` replaces the default one. A preset's name may replace a section that has presets, a
-    list of names may replace ``cameras``, and a number may replace ``clutter``.
+    list of names may replace ``cameras`` or ``sensors``, and a number may replace ``clutter``.
 
     Args:
         file: settings of a config file.
@@ -197,7 +202,7 @@ def resolve_request(
 
 def _used(plugins: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of a base's plugins that the settings still use."""
-    names = {kind: settings[key] for kind, key in PLUGIN_KEYS.items()}
+    names = {kind: settings.get(key, ()) for kind, key in PLUGIN_KEYS.items()}
     used = {
         kind: {name: origin for name, origin in rows.items() if name in _names(names[kind])}
         for kind, rows in plugins.items()
@@ -241,6 +246,8 @@ def _spelled_out(key: str, value: Any) -> Any:
         return lookup(PRESETS[key], f"preset of {key}", value)
     if key == "cameras" and isinstance(value, list | tuple):
         return {str(n): to_plain(lookup(CAMERAS, "camera", str(n)).config) for n in value}
+    if key == "sensors" and isinstance(value, list | tuple):
+        return {str(name): () for name in value}
     if key == "clutter" and is_integer(value):
         return {"count": value}
     if key == "resolution" and isinstance(value, str):

@@ -104,6 +104,7 @@ def sample_spec(config: FactoryConfig, index: int) -> EpisodeSpec:
         shake=config.shake,
         label=config.label,
         quality=config.quality,
+        sensors=tuple(config.sensors),
     )
 
 

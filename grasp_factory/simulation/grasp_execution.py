@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from grasp_factory.core.config.motion import CLOSING_SETTLE_S, STALLED_S
 from grasp_factory.core.config.physics import Stepping
 from grasp_factory.core.enums import Phase
-from grasp_factory.core.sensors import SENSORS, STREAMS
+from grasp_factory.core.sensors import PLUGIN_SENSORS, SENSORS, STREAMS
 from grasp_factory.robots.shake import plan_shake
 from grasp_factory.robots.trajectory import GraspMotion, JointSegment, Trajectory, sample
 from grasp_factory.simulation.scene import Scene
@@ -35,9 +35,10 @@ class Attempt:
         self._clock, self._clock_hz = 0, math.lcm(physics.free_hz, physics.contact_hz)
         self._record_every = self._clock_hz // spec.record_hz
         # Sensors with their own rate are sampled before those of the records.
-        order = sorted(self._sensors, key=lambda name: SENSORS[name].group == STREAMS)
+        self._models = {**SENSORS, **PLUGIN_SENSORS}
+        order = sorted(self._sensors, key=lambda name: self._models[name].group == STREAMS)
         self._schedule = [
-            (self._clock_hz // SENSORS[name].group.rate(spec), self._sensors[name])
+            (self._clock_hz // self._models[name].group.rate(spec), self._sensors[name])
             for name in order
         ]
         self._joint_targets: Sequence[float] = list(scene.robot.model.home)
@@ -77,7 +78,7 @@ class Attempt:
         """Return the arrays of all sensors, by their group and name."""
         out: dict[str, dict[str, NDArray[Any]]] = {}
         for name, sensor in self._sensors.items():
-            out.setdefault(SENSORS[name].group.name, {}).update(sensor.arrays())
+            out.setdefault(self._models[name].group.name, {}).update(sensor.arrays())
         return out
 
     def _follow(self, phase: Phase, segment: JointSegment, width: tuple[float, float]) -> None:

@@ -21,6 +21,7 @@ from grasp_factory.core.episode import (
 from grasp_factory.core.finite_check import non_finite
 from grasp_factory.core.geometry import Array, matrix_to_quat_xyzw
 from grasp_factory.core.schema import FIELDS
+from grasp_factory.core.sensors import PLUGIN_SENSORS
 from grasp_factory.errors import RecipeError, lookup
 from grasp_factory.labels.image_metrics import inspect_episode
 from grasp_factory.labels.quality import quality_scores, shortcomings
@@ -187,5 +188,6 @@ def _frames(*shots: Shot) -> CameraFrames:
 
 def _refuse_non_finite(contents: Mapping[str, NDArray[Any]], spec: EpisodeSpec) -> None:
     """Raise RecipeError with the path of the array in the store if the simulation diverged."""
-    if path := non_finite(contents, FIELDS):
+    own = (row for name in spec.sensors for row in PLUGIN_SENSORS[name].fields)
+    if path := non_finite(contents, (*FIELDS, *own)):
         raise RecipeError(f"the simulation of episode {spec.index} diverged: {path} not finite")

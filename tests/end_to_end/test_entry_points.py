@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from support.places import REPOSITORY
-from support.plugin_files import OBJECTS, POLICY, ROBOT
+from support.plugin_files import OBJECTS, POLICY, ROBOT, SENSOR
 
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.robots.kuka_iiwa import KUKA_IIWA
@@ -49,6 +49,9 @@ turned = my_grasps.robot:ROBOT
 [grasp_factory.object_sets]
 bricks = my_grasps.bricks:SET
 
+[grasp_factory.sensors]
+proximity = my_grasps.sensor:PROXIMITY
+
 [grasp_factory.exporters]
 outcomes = my_grasps.exporter:OUTCOMES
 """
@@ -60,9 +63,10 @@ FILES = {
     ).replace("    home=", '    urdf=str(Path(__file__).with_name("mine.urdf")),\n    home='),
     "mine.urdf": KUKA_IIWA.path().read_text(encoding="utf-8"),
     "bricks.py": OBJECTS,
+    "sensor.py": SENSOR,
     "exporter.py": EXPORTER,
 }
-MINE = ("--policy", "central", "--robot", "turned", "--objects", "bricks")
+MINE = ("--policy", "central", "--robot", "turned", "--objects", "bricks", "--sensor", "proximity")
 SMALL = ("--resolution", "32x24", "--set", "block_size=1", "--set", "motion.hold_s=0.1")
 
 
@@ -108,6 +112,7 @@ def test_the_store_names_the_package_and_its_version(made: Path) -> None:
     assert (origin.distribution, origin.version, origin.file) == ("my-grasps", "1.2", "")
     assert (origin.module, origin.attribute) == ("my_grasps.policy", "plan")
     assert {episode.spec.policy for episode in dataset} == {"central"}
+    assert dataset[0].streams["proximity"].shape == (dataset[0].n_steps, 2)
     assert not (made / "a.zarr" / "plugins").exists()
 
 
@@ -139,7 +144,12 @@ def test_another_source_of_the_package_is_refused(site: Path, made: Path, tmp_pa
 
 @pytest.mark.parametrize(
     ("listing", "name"),
-    [("policies", "central"), ("robots", "turned"), ("objects", "bricks")],
+    [
+        ("policies", "central"),
+        ("robots", "turned"),
+        ("objects", "bricks"),
+        ("sensors", "proximity"),
+    ],
 )
 def test_it_is_listed_without_being_imported(
     site: Path, tmp_path: Path, listing: str, name: str

@@ -1,4 +1,4 @@
-"""Policies, robots and object sets of users' files: made, shared, replayed, repaired, refused."""
+"""Policies, robots, object sets and sensors of users' files: made, replayed, repaired, refused."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 from support.helpers import assert_same_tree
 from support.places import REPOSITORY
 from support.plugin_files import FILES, OPTIONS, forget_plugins, write_plugins
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.episode import Episode
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.factory.generate import generate
 from grasp_factory.writers.zarr.embedded import read_embedded
@@ -55,6 +58,11 @@ def line_of(done: subprocess.CompletedProcess[str], code: int) -> str:
     assert len(lines) == 1, done.stderr
     assert "Traceback" not in done.stderr
     return lines[0]
+
+
+def com(episode: Episode) -> NDArray[np.float64]:
+    """Return the positions of the target's frame, which is in its middle, (n_steps, 3), m."""
+    return episode.streams["object_pose"][:, 0, :3].astype(np.float64)
 
 
 Here = Callable[..., subprocess.CompletedProcess[str]]
@@ -102,22 +110,30 @@ def elsewhere(made: Path, tmp_path: Path) -> Path:
     return tmp_path / "elsewhere"
 
 
-def test_policy_robot_and_object_set_make_the_episodes(made: Path) -> None:
+def test_policy_robot_object_set_and_sensor_make_the_episodes(made: Path) -> None:
     for episode in Dataset(made / "a.zarr"):
         assert episode.spec.policy == "my_policy_plan"
         assert episode.spec.robot == "turned"
         assert episode.spec.objects[0].object_id.startswith("bricks/")
         assert episode.streams["joint_positions"][0, 0] == pytest.approx(0.3, abs=0.01)
+        proximity = episode.streams["proximity"]
+        assert proximity.shape == (episode.n_steps, 2)
+        pads = np.linalg.norm(episode.streams["tcp_pose"][:, :3] - com(episode), axis=1)
+        np.testing.assert_allclose(proximity.mean(axis=1), pads, atol=0.05)
 
 
 @pytest.mark.parametrize("option", OPTIONS)
 def test_two_workers_and_this_process_make_the_same_bytes(option: str, here: Path) -> None:
-    key = {"--policy": "policies", "--robot": "robot", "--objects": "object_sets"}[option]
-    value = str(here / OPTIONS[option])
+    name = str(here / OPTIONS[option])
+    mine: dict[str, dict[str, object]] = {
+        "--policy": {"policies": {name: 1.0}},
+        "--robot": {"robot": name},
+        "--objects": {"object_sets": {name: 1.0}},
+        "--sensor": {"sensors": {name: []}},
+    }
     plain = FactoryConfig.from_plain(
         {
-            "resolution": [32, 24], "block_size": 1, "motion": {"hold_s": 0.1},
-            key: value if key == "robot" else {value: 1.0},
+            "resolution": [32, 24], "block_size": 1, "motion": {"hold_s": 0.1}, **mine[option],
         }
     )  # fmt: skip
     generate(plain, 2, here / "one.zarr", workers=1)
@@ -143,7 +159,9 @@ def test_the_same_command_grows_the_store(here: Path) -> None:
 
 def test_a_config_file_names_them_too(here: Path) -> None:
     text = "policies: {'my_policy.py:plan': 1}\nrobot: my_robot.py:ROBOT\n"
-    (here / "my.yaml").write_text(text + "object_sets: {'my_set.py:SET': 1}\n")
+    (here / "my.yaml").write_text(
+        text + "object_sets: {'my_set.py:SET': 1}\nsensors: ['my_sensor.py:PROXIMITY']\n"
+    )
     done = make(here, "y.zarr", "--config", "my.yaml")
     assert done.returncode == 0, done.stderr
     assert_same_tree(here / "a.zarr", here / "y.zarr")
@@ -163,8 +181,8 @@ class TestReplay:
         line = line_of(command_here(made, "replay", "a.zarr", 1), 2)
         assert "policy my_policy_plan" in line
         assert line.endswith(
-            "add --plugin my_policy.py --plugin my_robot.py --plugin my_set.py, or --trust to run"
-            " the copy in the store"
+            "add --plugin my_policy.py --plugin my_robot.py --plugin my_set.py"
+            " --plugin my_sensor.py, or --trust to run the copy in the store"
         )
 
     def test_with_a_file_that_has_changed(self, here: Path, command_here: Here) -> None:
@@ -249,6 +267,80 @@ def test_a_file_that_cannot_be_used_is_one_line(
     code = 1 if what == "too large" else 2
     assert said in line_of(done, code)
     assert not (tmp_path / "a.zarr").exists()
+
+
+SENSOR_FAULTS = {
+    "an error": (
+        "target, _ =",
+        "raise ValueError('no signal')\n        target, _ =",
+        "ValueError: no",
+    ),
+    "a shape": (
+        "reshape(-1, 2)",
+        "reshape(-1)",
+        "sensor proximity: streams/proximity: got float32 (",
+    ),
+    "a type": ("np.float32)", "np.int64)", "sensor proximity: streams/proximity: got int64 ("),
+    "a name": ('{"proximity":', '{"nearness":', "got ['nearness'], valid: proximity"),
+    "a value": ("pad, target)", "pad, np.inf)", "streams/proximity not finite"),
+}
+
+
+@pytest.mark.parametrize("what", SENSOR_FAULTS)
+def test_a_sensor_that_fails_quarantines_its_episodes(what: str, tmp_path: Path) -> None:
+    text, fault, said = SENSOR_FAULTS[what]
+    assert text in FILES["my_sensor.py"]
+    (tmp_path / "my_sensor.py").write_text(FILES["my_sensor.py"].replace(text, fault))
+    name = f"{tmp_path}/my_sensor.py:PROXIMITY"
+    plain = {"resolution": [32, 24], "sensors": {name: []}, "motion": {"hold_s": 0.1}}
+    generate(FactoryConfig.from_plain(plain), 1, tmp_path / "a.zarr", workers=1, max_failures=1)
+    (error,) = Dataset(tmp_path / "a.zarr").column("error")
+    assert said in error
+
+
+SENSOR_REFUSALS = {
+    "taken": (
+        '.series("proximity"',
+        '.series("wrist_wrench"',
+        "sensors.name: got 'wrist_wrench', valid: a name that no array has",
+    ),
+    "foreign": (
+        '.series("proximity"',
+        '.series("other"',
+        "valid: proximity, or a name that begins",
+    ),
+    "lettered": ('(2,), "float32"', '("J",), "float32"', "with numbers as SHAPE"),
+    "huge": ('(2,), "float32"', '(2**40,), "float32"', "and 4096 values in a record"),
+    "own": ('name="proximity"', 'name="wrist"', "sensors: got 'wrist', valid: names that the"),
+}
+
+
+@pytest.mark.parametrize("what", SENSOR_REFUSALS)
+def test_a_sensor_whose_arrays_no_store_can_have_is_one_line(
+    what: str, tmp_path: Path, command_here: Here
+) -> None:
+    text, fault, said = SENSOR_REFUSALS[what]
+    assert text in FILES["my_sensor.py"]
+    (tmp_path / "my_sensor.py").write_text(FILES["my_sensor.py"].replace(text, fault))
+    done = command_here(tmp_path, *making("a.zarr"), "--sensor", "my_sensor.py:PROXIMITY")
+    assert said in line_of(done, 2)
+    assert not (tmp_path / "a.zarr").exists()
+
+
+def test_sensors_of_this_package_need_no_option(tmp_path: Path, command_here: Here) -> None:
+    for name, said in (("wrist", "which always record"), ("sonar", "FILE.py:NAME, or a sensor of")):
+        assert said in line_of(command_here(tmp_path, *making("a.zarr"), "--sensor", name), 2)
+
+
+def test_the_checks_of_a_sensor_find_one_that_moves_the_arm(tmp_path: Path) -> None:
+    text = FILES["my_sensor.py"].replace(
+        "target, _ =", "tick.scene.world.step()\n        target, _ ="
+    )
+    (tmp_path / "my_sensor.py").write_text(text)
+    done = command(tmp_path, "conformance", "my_sensor.py:PROXIMITY")
+    assert done.returncode == 1
+    assert "FAILED  it changes no other array" in done.stdout, done.stdout + done.stderr
+    assert "passed  the same recipe gives the same values" in done.stdout
 
 
 def test_a_policy_that_raises_quarantines_its_episodes(tmp_path: Path) -> None:

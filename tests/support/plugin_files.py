@@ -1,4 +1,4 @@
-"""Files of a user with a policy, a robot and an object set."""
+"""Files of a user with a policy, a robot, an object set and a sensor."""
 
 from __future__ import annotations
 
@@ -74,11 +74,51 @@ MODELS = {model.object_id: model for model in map(brick, (0.05, 0.08, 0.11))}
 SET = FiniteSet(name="bricks", description="bricks of three lengths", models=MODELS)
 '''
 
-FILES = {"my_policy.py": POLICY, "my_robot.py": ROBOT, "my_set.py": OBJECTS}
+SENSOR = '''\
+"""How near the pads are to the target."""
+
+import numpy as np
+
+from grasp_factory.core.sensors import STREAMS, SensorModel
+from grasp_factory.simulation.scene import Scene
+from grasp_factory.simulation.sensors import Sensor, Tick
+
+
+class Proximity(Sensor):
+    """The distance of both pads to the target's centre of mass."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._distances: list[list[float]] = []
+
+    def sample(self, tick: Tick) -> None:
+        target, _ = tick.scene.world.com_frame(tick.scene.objects[0])
+        pads = [position for position, _ in tick.frames[1:]]
+        self._distances.append([float(np.linalg.norm(np.subtract(pad, target))) for pad in pads])
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        return {"proximity": np.array(self._distances, np.float32).reshape(-1, 2)}
+
+
+PROXIMITY = SensorModel(
+    name="proximity",
+    description="distance of both pads to the target",
+    group=STREAMS,
+    implementation=Proximity,
+    fields=(STREAMS.series("proximity", (2,), "float32", "left and right pad", units="m"),),
+)
+'''
+
+FILES = {
+    "my_policy.py": POLICY,
+    "my_robot.py": ROBOT,
+    "my_set.py": OBJECTS,
+    "my_sensor.py": SENSOR,
+}
 OPTIONS = {
     "--policy": "my_policy.py:plan",
     "--robot": "my_robot.py:ROBOT",
     "--objects": "my_set.py:SET",
+    "--sensor": "my_sensor.py:PROXIMITY",
 }
 """Options of ``generate`` that use them."""
 

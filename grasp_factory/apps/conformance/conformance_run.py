@@ -1,4 +1,4 @@
-"""Run the checks of its kind on one policy, robot or object set."""
+"""Run the checks of its kind on one policy, robot, object set or sensor."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from functools import partial
 from grasp_factory.apps.conformance.policy_checks import POLICY_CHECKS, PolicyCase
 from grasp_factory.core.plugins.file_loading import attribute_of, file_reference
 from grasp_factory.core.plugins.plugin_sources import allow_file
+from grasp_factory.core.sensors import SensorModel
 from grasp_factory.errors import UnknownNameError, did_you_mean, shown
 from grasp_factory.factory.plugin_rows import TABLES, PluginRow, kind_of
 from grasp_factory.factory.plugins import find_plugin
@@ -85,11 +86,15 @@ def has_a_line(row: PluginRow) -> str:
 def _of_kind(row: PluginRow) -> Mapping[str, Callable[[], str]]:
     if isinstance(row, Policy):
         return {name: partial(_with_grippers, row, check) for name, check in POLICY_CHECKS.items()}
-    # Both simulate; the checks of policies run without PyBullet.
+    # These simulate; the checks of policies run without PyBullet.
     if isinstance(row, RobotModel):
         from grasp_factory.apps.conformance.robot_checks import ROBOT_CHECKS  # noqa: PLC0415
 
         return {name: partial(check, row) for name, check in ROBOT_CHECKS.items()}
+    if isinstance(row, SensorModel):
+        from grasp_factory.apps.conformance.sensor_checks import SENSOR_CHECKS  # noqa: PLC0415
+
+        return {name: partial(check, row) for name, check in SENSOR_CHECKS.items()}
     from grasp_factory.apps.conformance.object_set_checks import (  # noqa: PLC0415
         OBJECT_SET_CHECKS,
     )

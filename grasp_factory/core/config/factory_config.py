@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -28,6 +28,7 @@ from grasp_factory.core.config.recording import (
     check_recording,
 )
 from grasp_factory.core.config.scene import ClutterConfig, WorkspaceConfig
+from grasp_factory.core.config.sensor_array import SensorArray, check_sensors, plain_sensors
 from grasp_factory.core.config.shake import SHAKE_MOTIONS, ShakeConfig
 from grasp_factory.core.config.within import Valid, Within, check_within
 from grasp_factory.core.enums import Phase
@@ -134,9 +135,14 @@ class FactoryConfig:
     """Ranges that are drawn from; or a preset: none, looks, light, strong."""
     capture: CaptureConfig | None = None
     """Room for real episodes; without it, a store holds simulated ones alone."""
+    sensors: Mapping[str, tuple[SensorArray, ...]] = field(default_factory=dict)
+    """Sensors of a plugin, which record beside those of this package; or a list of FILE.py:NAME.
+
+    ``factory.plugins.with_plugins`` fills in the arrays of each.
+    """
 
     plugins: Mapping[str, Mapping[str, PluginOrigin]] = field(default_factory=dict)
-    """Policies, robots and object sets that are not of this package, by kind and name.
+    """Policies, robots, object sets and sensors that are not of this package, by kind and name.
 
     ``factory.plugins.with_plugins`` fills it.
     """
@@ -153,8 +159,13 @@ class FactoryConfig:
         for key, embedded in (("object_folders", self.object_folders), ("models", self.models)):
             for name in embedded:
                 check_name(key, name)
-        used = {"policies": self.policies, "object_sets": self.object_sets}
-        check_plugins(self.plugins, {**used, "robots": (self.robot,)})
+        used: dict[str, Collection[str]] = {
+            "policies": self.policies,
+            "object_sets": self.object_sets,
+        }
+        used |= {"robots": (self.robot,), "sensors": self.sensors}
+        check_plugins(self.plugins, used)
+        check_sensors(self.sensors)
         self._check_splits()
         self._check_resolution()
         self._check_textures()
@@ -266,15 +277,18 @@ class FactoryConfig:
     def to_plain(self) -> dict[str, Any]:
         """Return the config as nested dicts, lists and scalars.
 
-        ``capture`` and ``plugins`` are left out if it has none. So other configs have the same
-        SHA-256 as before these keys were known.
+        ``capture``, ``sensors`` and ``plugins`` are left out if it has none. So other configs have
+        the same SHA-256 as before these keys were known.
         """
         plain = dict(to_plain(self))
+        plugins = plain_plugins(self.plugins)
         if self.capture is None:
             del plain["capture"]
-        plain["plugins"] = plain_plugins(self.plugins)
-        if not self.plugins:
-            del plain["plugins"]
+        for key, short in (("sensors", plain_sensors(self.sensors)), ("plugins", plugins)):
+            if short:
+                plain[key] = short
+            else:
+                del plain[key]
         return plain
 
     def sha256(self) -> str:

@@ -1,4 +1,4 @@
-"""Where the policies, robots and object sets of a config come from that this package lacks."""
+"""Where those policies, robots, object sets and sensors come from that this package lacks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ from grasp_factory.core.cache import is_digest
 from grasp_factory.core.config.recording import check_name
 from grasp_factory.core.serialization import check, normalise, to_plain
 
-KINDS: Mapping[str, str] = {"policies": "policy", "robots": "robot", "object_sets": "object set"}
+KINDS: Mapping[str, str] = {
+    "policies": "policy",
+    "robots": "robot",
+    "object_sets": "object set",
+    "sensors": "sensor",
+}
 """Tables that plugins of a config add rows to, and what one row is called in messages."""
 MOST = 64
 """Plugins of one kind in a config."""

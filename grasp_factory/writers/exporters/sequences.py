@@ -201,6 +201,7 @@ SEQUENCES = Exporter(
             *(f"streams/{name}" for name in ("tactile_wrench", "wrist_wrench", "hand_force")),
         ),
         left_out={
+            "streams/*": "no file of the layout is for the sensor of a user",
             "streams/tactile_*": "a CSV file has no place for lists of contact points",
         },
         treatment={

@@ -31,6 +31,7 @@ from grasp_factory.core.limits import (
 from grasp_factory.core.place import Place
 from grasp_factory.core.serialization import check, to_plain
 from grasp_factory.core.text_format import size_text
+from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.layout import shapes
 
 _MOST_JOINTS = 32
@@ -81,6 +82,7 @@ def check_arrays(store: Place, config: FactoryConfig, arrays: Iterable[zarr.Arra
 
     Raises:
         LimitError: naming the array, or the store, and the limit.
+        StoreError: naming an array whose chunks have no size.
     """
     videos = {field.path for field in schema.expand(config) if field.is_video}
     block = 0
@@ -89,7 +91,7 @@ def check_arrays(store: Place, config: FactoryConfig, arrays: Iterable[zarr.Arra
         whole = _whole(array, 1 if array.path in videos else config.block_size)
         CHUNK_ROWS.check((array.shards or array.chunks)[0], where)
         CHUNK.check(_chunk_bytes(array), where)
-        CHUNKS.check(_pieces(whole, array.chunks), where)
+        CHUNKS.check(_pieces(whole, array.chunks, where), where)
         block += math.prod(whole) * array.dtype.itemsize
         if array.path == schema.STATUS.path:
             there = len((store / array.path).names())
@@ -102,10 +104,11 @@ def check_whole(array: zarr.Array[Any], where: object) -> None:
 
     Raises:
         LimitError: naming the place, and the limit.
+        StoreError: if its chunks have no size.
     """
     whole = _whole(array, array.shape[0] if array.ndim else 0)
     CHUNK.check(_chunk_bytes(array), where)
-    CHUNKS.check(_pieces(whole, array.chunks), where)
+    CHUNKS.check(_pieces(whole, array.chunks, where), where)
     BLOCK.check(math.prod(whole) * array.dtype.itemsize, where)
 
 
@@ -157,7 +160,9 @@ def _whole(array: zarr.Array[Any], rows: int) -> tuple[int, ...]:
     return tuple(map(max, (rows, *array.shape[1:]), file))
 
 
-def _pieces(whole: tuple[int, ...], chunk: tuple[int, ...]) -> int:
+def _pieces(whole: tuple[int, ...], chunk: tuple[int, ...], where: object) -> int:
+    if 0 in chunk:
+        raise StoreError(f"{where}: chunks of {list(chunk)}, valid: sides of 1 or more")
     return math.prod(-(-size // part) for size, part in zip(whole, chunk, strict=True))
 
 

@@ -58,6 +58,9 @@ def _shape(name: str, shape: list[Any], chunk: list[Any] | None = None) -> Attac
 ATTACKS["images of 60000 x 60000"] = _shape("cameras/front/rgb", [2, 60000, 60000, 3])
 ATTACKS["a stream of 2e9 samples"] = _shape("streams/tcp_pose", [2_000_000_000, 7])
 ATTACKS["chunks of no size"] = _shape("cameras/front/rgb", [2, 24, 32, 3], [0, 0, 0, 0])
+ATTACKS["a column in chunks of no row"] = edited(
+    "episodes/spec", lambda d: d["chunk_grid"]["configuration"].update(chunk_shape=[0])
+)
 ATTACKS["chunks of negative size"] = _shape("cameras/front/rgb", [2, 24, 32, 3], [-1, -1, -1, -1])
 
 
