@@ -126,11 +126,8 @@ class EpisodeSpec:
 
     def to_json(self) -> str:
         """Return the recipe as canonical JSON."""
-        plain = to_plain(self)
-        if self.recording is None:
-            del plain["recording"]
-        if not self.sensors:
-            del plain["sensors"]
+        optional = ("recording", "sensors")
+        plain = {key: v for key, v in to_plain(self).items() if v or key not in optional}
         return json.dumps(plain, sort_keys=True, separators=(",", ":"))
 
     @classmethod
