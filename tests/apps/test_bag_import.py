@@ -519,6 +519,24 @@ def test_a_damaged_bag_is_one_line_and_nothing_is_left(run: Run, tmp_path: Path,
         assert list(tmp_path.iterdir()) == [bag]
 
 
+def test_a_message_of_another_topic_than_the_index_says_is_one_line(
+    run: Run, tmp_path: Path
+) -> None:
+    pixels = np.zeros((4, 4, 3), np.uint8)
+    colour = bags.image(pixels, "rgb8")
+    depth = bags.image(pixels[..., 0].astype(np.uint16), "16UC1")
+    contents = [("/colour", bags.IMAGE, START, colour), ("/depth", bags.IMAGE, START, depth)]
+    bag = bags.ros1(tmp_path / "b", contents)
+    first, second = (b"op=\x02\t\0\0\0conn=%c\0\0\0" % number for number in (0, 1))
+    assert bag.read_bytes().count(first) == 1
+    bag.write_bytes(bag.read_bytes().replace(first, second))
+    words = ("--to", "article", "--topics", "/colour")
+    code, out, err = run("import", bag, tmp_path / "out", *words)
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "b is damaged: a topic has messages of '/depth'" in err
+    assert list(tmp_path.iterdir()) == [bag]
+
+
 def test_a_cut_mcap_file_says_how_to_make_it_whole(run: Run, tmp_path: Path) -> None:
     bag = written(tmp_path / "b.mcap", b"\x89MCAP0\r\n" + bytes(100))
     code, _, err = run("import", bag, "--list")

@@ -40,9 +40,12 @@ def mutate_json(data: bytes, most: int, seed: int) -> bytes:
         document = None
     if document is None or rng.random() < 0.2:
         return bytes(atheris.Mutate(data, most))
-    for _ in range(rng.choice((1, 1, 1, 2, 4))):
-        document = _changed(document, rng)
-    changed = json.dumps(document).encode()
+    try:
+        for _ in range(rng.choice((1, 1, 1, 2, 4))):
+            document = _changed(document, rng)
+        changed = json.dumps(document).encode()
+    except RecursionError:  # values in each other, as an input of many changes has them
+        return bytes(atheris.Mutate(data, most))
     return changed if len(changed) <= most else bytes(atheris.Mutate(data, most))
 
 

@@ -433,6 +433,8 @@ class TestFiles:
              "its contents do not fit a model of kind touch: 'offset'"),
             (with_settings(TOUCH_FILE, lambda s: s.update(format=2)),
              "it is a model of format 2, kind 'touch'; valid: format 1, kind vision or touch"),
+            (with_settings(TOUCH_FILE, lambda s: (s.update(format=2), s.pop("kind"))),
+             "it is no model of grasp-factory; "),
             (with_settings(TOUCH_FILE, lambda s: s.update(kind="smell")),
              "it is a model of format 1, kind 'smell'; valid: format 1, kind vision or touch"),
             (with_settings(TOUCH_FILE, lambda s: s.update(slope=float("inf"))),

@@ -22,7 +22,7 @@ from grasp_factory.apps.bag_import.topic_listing import BagFacts, facts_of, with
 from grasp_factory.capture.bags.bag_file import opened, raw_messages
 from grasp_factory.capture.bags.messages import message_of, stamp_ns_of
 from grasp_factory.core.executors import SendMessage
-from grasp_factory.errors import StoreError, UsageError
+from grasp_factory.errors import StoreError, UsageError, shown
 
 LAYOUTS: Mapping[str, Callable[[Path, Sequence[BagTopic]], ImportLayout]] = {
     "sequences": SequenceLayout,
@@ -123,12 +123,19 @@ def _add_messages(
     topics: Sequence[BagTopic],
     report: SendMessage,
 ) -> tuple[ImportedTopic, ...]:
+    """Add all messages to the layout.
+
+    Raises:
+        StoreError: if the bag is damaged, or no message of a topic can be decoded.
+    """
     by_name = {topic.name: topic for topic in topics}
     found = {topic.name: ImportedTopic(name=topic.name, kind=topic.kind) for topic in topics}
     connections = [connection for topic in topics for connection in topic.connections]
     total, steps = sum(connection.msgcount for connection in connections), 0
     for done, (connection, arrival, data) in enumerate(raw_messages(bag, reader, connections), 1):
-        entry = found[connection.topic]
+        entry = found.get(connection.topic)
+        if entry is None:
+            raise StoreError(f"{bag} is damaged: a topic has messages of {shown(connection.topic)}")
         try:
             message = message_of(reader, connection, data)
             stamp = stamp_ns_of(message)

@@ -97,14 +97,15 @@ def _header(data: bytes) -> Mapping[str, Any]:
         if not 0 < length <= min(LONGEST_HEADER, len(data) - 8):
             raise ValueError("no safetensors header")
         header = parsed(parsed(data[8 : 8 + length])["__metadata__"][KEY])
-        is_ours = header["format"] == FORMAT and header["kind"] in KINDS
+        version, kind = header["format"], header["kind"]
+        is_ours = version == FORMAT and kind in KINDS
     except (ValueError, KeyError, TypeError):
         raise UsageError(
             "it is no model of grasp-factory; `grasp-factory train` makes one"
         ) from None
     if not is_ours:
         raise UsageError(
-            f"it is a model of format {shown(header['format'])}, kind {shown(header['kind'])};"
+            f"it is a model of format {shown(version)}, kind {shown(kind)};"
             f" valid: format {FORMAT}, kind {' or '.join(KINDS)}"
         )
     return dict(header)
