@@ -25,7 +25,7 @@ def image_size(data: bytes) -> tuple[int, int]:
         data: the bytes of the file.
 
     Raises:
-        ValueError: if its header is none of these.
+        ValueError: if its header is of another format.
     """
     try:
         found = _found(data)

@@ -185,7 +185,7 @@ OPTIONS = (
     "--n", "--workers", "--shard", "--episode-timeout", "--max-failures", "--seed", "--robot",
     "--policy", "--model", "--objects", "--split", "--clutter", "--camera", "--resolution",
     "--renderer", "--randomize", "--physics", "--record-hz", "--video-hz", "--set", "--config",
-    "--live-port", "--plugin", "--executor",
+    "--live-port", "--plugin", "--executor", "--sensor",
 )  # fmt: skip
 
 
