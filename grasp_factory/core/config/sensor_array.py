@@ -38,7 +38,7 @@ class SensorArray:
     frame: str = ""
     description: str = ""
     gaps: bool = False
-    """Whether a value may be NaN, which means that there is none."""
+    """Whether a value may be NaN, which means that the sensor has no value."""
 
     def __post_init__(self) -> None:
         normalise(self)
