@@ -6,9 +6,11 @@ import os
 import threading
 import weakref
 from collections import OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
+
+from grasp_factory.core.limits import Limit
 
 T = TypeVar("T")
 
@@ -47,6 +49,16 @@ class Root:
                 raises. After a FileNotFoundError it is called again, with a new descriptor.
         """
         return _directories.use(self.descriptor, folder, function)
+
+    def fetch_ahead(self, inner: Iterable[str], limit: Limit) -> None:
+        """Get files below that are read soon; on a disk there is nothing to do.
+
+        One that is missing or larger than the limit is left to its reader.
+        """
+
+    def at_once(self, reads: Sequence[Callable[[], T]]) -> list[T]:
+        """Return what several reads return; they go at a time where each has to wait."""
+        return [read() for read in reads]
 
 
 class _Directories:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Sequence
 
 from grasp_factory.core.regular_file import read_part
 
@@ -20,6 +21,10 @@ class FileParts:
     def read(self, length: int, start: int) -> bytes:
         """Return bytes from ``start`` on, fewer at the file's end."""
         return read_part(self._descriptor, length, start)
+
+    def several(self, parts: Sequence[tuple[int, int]]) -> Iterator[tuple[int, bytes | memoryview]]:
+        """Yield index and content of parts, each given by start and length, in any order."""
+        return ((k, self.read(length, start)) for k, (start, length) in enumerate(parts))
 
     def tail(self, length: int) -> bytes:
         """Return the last bytes; all of a file that is shorter."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from grasp_factory.signals.grasp_crop import CropShape, GraspCrop, grasp_crop
 from grasp_factory.signals.noise import EpisodeNoise
 from grasp_factory.signals.point_cloud import FRAMES, PointCloud, joined, label_mask, visible_cloud
 from grasp_factory.writers.zarr.array_reader import StoredArray
+from grasp_factory.writers.zarr.header import place_in
 
 IMAGES = ("rgb", "depth", "segmentation")
 
@@ -92,6 +94,14 @@ class Readings:
                 images[k], K, far, index=self._index(row), camera=camera, kind=kind, frame=frame
             )
         return images
+
+    def _images_of(
+        self, rows: Sequence[int], camera: str, kinds: Sequence[str], frame: int
+    ) -> list[NDArray[Any]]:
+        """Return a camera's images of some kinds; object storage is asked for all at a time."""
+        paths = [self.image_path(camera, kind) for kind in kinds]
+        reads = [partial(self.images, rows, camera, kind, frame) for kind in kinds]
+        return place_in(self._arrays[paths[0]].zarr).root.at_once(reads) if paths else []
 
     def series(self, row: int, names: Iterable[str]) -> dict[str, NDArray[Any]]:
         """Return some streams of a row, unpadded, by name; see ``Dataset.series``."""
@@ -178,8 +188,9 @@ class Readings:
         scenes: list[dict[str, CameraImage]] = [{} for _ in rows]
         width, height = self._config.resolution
         for camera in cameras:
+            read = dict(zip(kinds, self._images_of(rows, camera, kinds, frame), strict=True))
             rgb, depth, segmentation = (
-                self.images(rows, camera, kind, frame)
+                read[kind]
                 if kind in kinds
                 else np.broadcast_to(np.uint8(0), (len(rows), height, width, 3)[:dimensions])
                 for kind, dimensions in (("rgb", 4), ("depth", 3), ("segmentation", 3))

@@ -14,6 +14,7 @@ from grasp_factory.core.limits import DOCUMENT, LISTED, OBJECT, Limit
 from grasp_factory.core.object_storage import client as clients
 from grasp_factory.core.object_storage import objects as reading
 from grasp_factory.core.object_storage.address import RemotePath, is_remote, store_path
+from grasp_factory.core.object_storage.joined_parts import joined_parts
 from grasp_factory.core.object_storage.objects import Objects
 from grasp_factory.core.place import place_of
 from grasp_factory.errors import LimitError, StorageError, UsageError
@@ -183,6 +184,22 @@ def test_a_listing_without_end_ends(
     monkeypatch.setattr(Limit, "most", property(lambda limit: limit.usual))
     with pytest.raises(LimitError, match="a number of listed objects of 1,000"):
         list(objects_of(liars[1], monkeypatch).below(""))
+
+
+def test_parts_close_together_are_one_request_and_every_part_is_in_one() -> None:
+    parts = [(900_000, 900_010), (10, 20), (0, 5), (5_000_000, 5_000_001), (12, 300_000)]
+    requests = list(joined_parts(parts))
+    assert [(each.start, each.stop) for each in requests] == [
+        (0, 300_000),
+        (900_000, 900_010),
+        (5_000_000, 5_000_001),
+    ]
+    assert sorted(k for each in requests for k in each.members) == list(range(len(parts)))
+    for each in requests:
+        assert all(each.start <= parts[k][0] <= parts[k][1] <= each.stop for k in each.members)
+    close = [(k * 2**20, k * 2**20 + 2**20) for k in range(10)]
+    assert [len(each.members) for each in joined_parts(close)] == [4, 4, 2]
+    assert list(joined_parts([])) == []
 
 
 @pytest.mark.parametrize("key", ["a/../../x", "a//b", "a/&#10;b", "./a", "&#27;[2J"])

@@ -139,6 +139,27 @@ def test_an_episode_costs_a_request_for_each_image_when_indexes_are_known(
     assert len(server.requests) == 2
 
 
+def test_images_of_a_block_are_one_request_for_each_kind(here: Path, server: ObjectServer) -> None:
+    dataset, rows = Dataset(ADDRESS), [3, 0, 2]
+    dataset.scenes([0], ("rgb", "depth"))
+    server.requests.clear()
+    scenes = dataset.scenes(rows, ("rgb", "depth"))
+    assert sum("/rgb/" in key or "/depth/" in key for _, key in server.requests) == 2
+    for scene, other in zip(scenes, Dataset(here).scenes(rows, ("rgb", "depth")), strict=True):
+        np.testing.assert_array_equal(scene["front"].rgb, other["front"].rgb)
+        np.testing.assert_array_equal(scene["front"].depth, other["front"].depth)
+
+
+def test_opening_asks_for_the_description_of_each_array_once(
+    here: Path, server: ObjectServer
+) -> None:
+    server.requests.clear()
+    dataset = Dataset(ADDRESS)
+    asked = [key for _, key in server.requests if key.endswith("/zarr.json")]
+    for path in dataset.features:
+        assert asked.count(f"data/grasps.zarr/{path}/zarr.json") == 1, path
+
+
 def test_a_block_without_a_marker_is_not_there(here: Path, server: ObjectServer) -> None:
     def hidden(method: str, key: str) -> str:
         return "404 NoSuchKey" if key.endswith("episodes/status/1") else ""

@@ -72,7 +72,6 @@ class ObjectServer:
 @contextmanager
 def moto_server() -> Iterator[str]:
     """Yield the address of moto's S3, another program than the one above, with the bucket."""
-    import boto3
     from moto.moto_server.werkzeug_app import DomainDispatcherApplication, create_backend_app
     from werkzeug.serving import WSGIRequestHandler, make_server
 
@@ -87,11 +86,18 @@ def moto_server() -> Iterator[str]:
     try:
         with pytest.MonkeyPatch.context() as patch:
             set_environment(patch, url)
-            boto3.client("s3", endpoint_url=url).create_bucket(Bucket=BUCKET)
+            make_bucket(url, BUCKET)
         yield url
     finally:
         server.shutdown()
         server.server_close()
+
+
+def make_bucket(url: str, name: str) -> None:
+    """Make a bucket with the credentials of the environment; it may be there."""
+    import boto3
+
+    boto3.client("s3", endpoint_url=url).create_bucket(Bucket=name)
 
 
 def set_environment(patch: pytest.MonkeyPatch, url: str) -> None:

@@ -6,8 +6,9 @@ import contextlib
 import os
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from grasp_factory.core.directories import Root
 from grasp_factory.core.file_parts import FileParts
@@ -16,6 +17,7 @@ from grasp_factory.core.object_storage.address import RemotePath
 from grasp_factory.core.object_storage.objects import ObjectFacts, Objects
 from grasp_factory.core.place import Place
 
+T = TypeVar("T")
 _FILE, _FOLDER = stat.S_IFREG | 0o444, stat.S_IFDIR | 0o555
 
 
@@ -32,6 +34,14 @@ class ObjectRoot(Root):
         self.path: Path = path
         self.address = path
         self.objects = Objects(path)
+
+    def fetch_ahead(self, inner: Iterable[str], limit: Limit) -> None:
+        """See ``Root.fetch_ahead``."""
+        self.objects.fetch(list(inner), limit)
+
+    def at_once(self, reads: Sequence[Callable[[], T]]) -> list[T]:
+        """See ``Root.at_once``."""
+        return self.objects.at_once(lambda read: read(), reads)
 
 
 class ObjectParts(FileParts):
@@ -51,6 +61,12 @@ class ObjectParts(FileParts):
     def read(self, length: int, start: int) -> bytes:
         """See ``FileParts.read``."""
         return self._objects.part(self._key, start, min(start + length, self.size))
+
+    def several(self, parts: Sequence[tuple[int, int]]) -> Iterator[tuple[int, memoryview]]:
+        """See ``FileParts.several``; parts close together are one request, others go at a time."""
+        size = self.size
+        ends = [(start, min(start + length, size)) for start, length in parts]
+        return self._objects.parts(self._key, ends)
 
     def tail(self, length: int) -> bytes:
         """See ``FileParts.tail``."""
@@ -117,6 +133,8 @@ class ObjectPlace(Place):
 
     def _mode(self) -> int:
         """Return the kind of what is here; of a prefix, one object is enough. 0: nothing."""
+        if self._objects.is_kept(self.inner):
+            return _FILE
         if self.inner:
             with contextlib.suppress(FileNotFoundError):
                 self._objects.facts(self.inner)

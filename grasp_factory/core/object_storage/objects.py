@@ -6,20 +6,27 @@ import hashlib
 import os
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from grasp_factory.core.limits import LISTED, Limit
 from grasp_factory.core.object_storage.address import RemotePath
 from grasp_factory.core.object_storage.client import client, endpoint, explained
-from grasp_factory.errors import StorageError, shown
+from grasp_factory.core.object_storage.joined_parts import joined_parts
+from grasp_factory.errors import LimitError, StorageError, shown
 
 if TYPE_CHECKING:
     from obstore import GetResult
     from obstore.store import ObjectStore
 
+S = TypeVar("S")
 T = TypeVar("T")
+AT_ONCE = 8
+"""Requests of one read that are on their way at a time."""
 KEPT_BYTES, MOST_KEPT_BYTES = 64 * 2**20, 4 * 2**20
 """Bytes of small objects and of indexes that are kept in memory, and of the largest of them."""
 PAGE = 1000
@@ -88,9 +95,28 @@ class Objects:
             result = self._ask(key, {})
             size = int(result.meta["size"])
             limit.check(size, self.path / key)
-            kept = self._keep(key, 0, self._content(result, key, size), size)
+            kept = self._keep(key, 0, bytes(self._content(result, key, size)), size)
         limit.check(len(kept[0]), self.path / key)
         return kept[0]
+
+    def fetch(self, keys: Sequence[str], limit: Limit) -> None:
+        """Get objects that are read soon, several at a time, to keep them in memory.
+
+        One that is missing or larger than the limit is left to its reader.
+
+        Raises:
+            StorageError: if the server does not answer.
+        """
+
+        def fetch_one(key: str) -> None:
+            with suppress(FileNotFoundError, LimitError):
+                self.get(key, limit)
+
+        self.at_once(fetch_one, keys)
+
+    def is_kept(self, key: str) -> bool:
+        """Return whether an object is in memory as a whole."""
+        return self._find(key, 0) is not None
 
     def tail(self, key: str, length: int) -> tuple[bytes, int]:
         """Return the last bytes of an object, and the size of all of it; see ``get``."""
@@ -102,15 +128,42 @@ class Objects:
             return self._keep(key, length, self.part(key, max(size - length, 0), size), size)
         result = self._ask(key, {"range": {"suffix": length}})
         size = int(result.meta["size"])
-        data = self._content(result, key, min(length, size))
+        data = bytes(self._content(result, key, min(length, size)))
         return self._keep(key, length, data, size)
 
     def part(self, key: str, start: int, stop: int) -> bytes:
         """Return bytes of an object; see ``get``. The caller bounds their number."""
+        return bytes(self._part(key, start, stop))
+
+    def _part(self, key: str, start: int, stop: int) -> memoryview:
         if stop <= start:
-            return b""
+            return memoryview(b"")
         result = self._ask(key, {"range": (start, stop)})
         return self._content(result, key, stop - start)
+
+    def parts(self, key: str, parts: Sequence[tuple[int, int]]) -> Iterator[tuple[int, memoryview]]:
+        """Yield index and content of parts of an object, each from its start to its stop.
+
+        Parts that are close together are one request; ``AT_ONCE`` requests go at a time.
+        """
+        requests = joined_parts(parts)
+        while together := list(islice(requests, AT_ONCE)):
+            found = self.at_once(lambda each: self._part(key, each.start, each.stop), together)
+            for request, data in zip(together, found, strict=True):
+                for k in request.members:
+                    start, stop = (edge - request.start for edge in parts[k])
+                    yield k, data[start:stop]
+
+    def at_once(self, function: Callable[[S], T], items: Sequence[S]) -> list[T]:
+        """Return what a function that asks the server returns for each of some items.
+
+        Raises:
+            what the function raises, after the requests that were on their way.
+        """
+        if len(items) < 2:
+            return [function(item) for item in items]
+        with ThreadPoolExecutor(min(AT_ONCE, len(items))) as pool:
+            return list(pool.map(function, items))
 
     def facts(self, key: str) -> ObjectFacts:
         """Return what the server says of an object; see ``get``."""
@@ -171,7 +224,7 @@ class Objects:
         with explained(self.path / key):
             return get(self._client(), key, options=options)
 
-    def _content(self, result: GetResult, key: str, size: int) -> bytes:
+    def _content(self, result: GetResult, key: str, size: int) -> memoryview:
         """Return the content of an answer; it must have ``size`` bytes, whatever the server says.
 
         Raises:
@@ -183,10 +236,10 @@ class Objects:
                 left -= len(part)
                 if left < 0:
                     break
-                parts.append(bytes(part))
+                parts.append(memoryview(part))
         if left:
             raise StorageError(f"{self.path / key}: the answer has not the {size} bytes it should")
-        return parts[0] if len(parts) == 1 else b"".join(parts)
+        return parts[0] if len(parts) == 1 else memoryview(b"".join(parts))
 
     def _find(self, key: str, tail: int) -> tuple[bytes, int] | None:
         with self._lock:

@@ -265,8 +265,8 @@ class ShardFiles(_OurFiles):
         try:
             chunks = self._file_rows * self._pieces
             with ShardFile(self._folder, self._name(file), chunks) as shard:
-                for number, piece in zip(numbers, out, strict=True):
-                    if not shard.read(number, piece):
+                for is_there, piece in zip(shard.read(numbers, out), out, strict=True):
+                    if not is_there:
                         piece[...] = self._fill
         except FileNotFoundError:
             for piece in out:

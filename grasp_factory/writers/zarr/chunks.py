@@ -6,7 +6,8 @@ outside of the array that is filled.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import compress
 from typing import Any, Self
 
 import google_crc32c
@@ -21,6 +22,8 @@ from grasp_factory.core.place import Place
 ABSENT = 2**64 - 1
 """Offset and length, in a shard's index, of a chunk that was never written."""
 _CHECKSUM_BYTES = 4
+_MOST_HEADER_BYTES = 18
+"""Of a frame (RFC 8878, 3.1.1)."""
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 VLEN = VLenUTF8()
 _COUNT_BYTES = 4
@@ -38,7 +41,7 @@ def most_bytes_of_words(count: int) -> int:
     return min(MOST_BYTES, _COUNT_BYTES + count * (_COUNT_BYTES + WORD.most))
 
 
-def unpack(data: bytes, out: NDArray[Any]) -> None:
+def unpack(data: bytes | memoryview, out: NDArray[Any]) -> None:
     """Decompress a chunk of numbers into ``out``, a contiguous array of its size."""
     size = content_size(data)
     if size not in (None, out.nbytes):
@@ -110,19 +113,23 @@ class ShardFile:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def read(self, chunk: int, out: NDArray[Any]) -> bool:
-        """Decompress a chunk into ``out``; return whether it was ever written.
+    def read(self, chunks: Sequence[int], out: Sequence[NDArray[Any]] | NDArray[Any]) -> list[bool]:
+        """Decompress chunks, each into an array of ``out``; return which were ever written.
 
         Raises:
-            ValueError: if it lies beyond the file's end, or has another size.
+            ValueError: if one lies beyond the file's end, or has another size.
         """
-        offset, length = self._index[chunk]
-        if offset == length == ABSENT:
-            return False
-        if offset + length > self._data_bytes or length > _most_compressed(out.nbytes):
-            raise ValueError(f"a chunk at {offset} of {length} bytes, valid: {self._data_bytes}")
-        unpack(self._file.read(length, offset), out)
-        return True
+        entries = [self._index[chunk] for chunk in chunks]
+        is_there = [(offset, length) != (ABSENT, ABSENT) for offset, length in entries]
+        wanted = list(compress(zip(entries, out, strict=True), is_there))
+        for (offset, length), piece in wanted:
+            if offset + length > self._data_bytes or length > _most_compressed(piece.nbytes):
+                what = f"a chunk at {offset} of {length} bytes"
+                raise ValueError(f"{what}, valid: {self._data_bytes}")
+        parts = self._file.several([(offset, length) for (offset, length), _ in wanted])
+        for k, data in parts:
+            unpack(data, wanted[k][1])
+        return is_there
 
     def chunk_lengths(self, chunk_bytes: int) -> NDArray[np.uint64]:
         """Return the bytes of each chunk that is there, compressed, (K,).
@@ -175,11 +182,12 @@ def _most_compressed(size: int) -> int:
     return size + (size >> 8) + (1 << 17)
 
 
-def content_size(frame: bytes) -> int | None:
+def content_size(data: bytes | memoryview) -> int | None:
     """Return the content size in a zstd frame's header (RFC 8878, 3.1.1.1); None if it has none.
 
     The decoder accepts content smaller than ``out``, and would leave the rest of it as it is.
     """
+    frame = bytes(data[:_MOST_HEADER_BYTES])
     if len(frame) < 6 or not frame.startswith(_ZSTD_MAGIC):
         raise ValueError("a chunk that is not zstd")
     descriptor = frame[4]

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.place import place_of
+from grasp_factory.core.limits import CHUNK
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray, by_block
 from grasp_factory.writers.zarr.budgets import TextBudget, check_column
 from grasp_factory.writers.zarr.column_segments import Form, Segment, apart, segments
 from grasp_factory.writers.zarr.field_arrays import open_arrays
-from grasp_factory.writers.zarr.header import open_store
+from grasp_factory.writers.zarr.header import open_store, place_in
 from grasp_factory.writers.zarr.layout import MOST_DIGITS
 
 _BLOCKS_AT_ONCE = 64
@@ -41,8 +41,8 @@ class Columns:
         self, path: Path, config: FactoryConfig, arrays: Mapping[str, StoredArray]
     ) -> None:
         """Use the arrays of a store by their path; they must include those of the columns."""
-        self.path, self.place = path, place_of(path)
-        self.config = config
+        self.path, self.config = path, config
+        self.place = place_in(arrays[schema.STATUS.path].zarr).parent.parent
         self.length: int = arrays[schema.STATUS.path].zarr.shape[0]
         self._arrays = arrays
         self.names = [p.removeprefix("episodes/") for p in arrays if p.startswith("episodes/")]
@@ -90,6 +90,7 @@ class Columns:
                 loose[segment.place] = False
         for blocks in self._together(np.flatnonzero(loose), names):
             first = self.rows(blocks[0])[0]
+            self.place.root.fetch_ahead(self._files(blocks, names), CHUNK)
             for name in names:
                 values = text.count(self.read_rows(name, first, self.rows(blocks[-1])[1]))
                 for start, stop in map(self.rows, blocks):
@@ -143,6 +144,14 @@ class Columns:
         for run in np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1):
             for first in range(0, len(run), _BLOCKS_AT_ONCE):
                 yield run[first : first + _BLOCKS_AT_ONCE].tolist()
+
+    def _files(self, blocks: Sequence[int], names: Iterable[str]) -> Iterator[str]:
+        """Yield the paths of columns' files in which some blocks are."""
+        for path in (f"episodes/{name}" for name in names):
+            array = self._arrays[path].zarr
+            rows = (array.shards or array.chunks)[0]
+            for number in sorted({self.rows(block)[0] // rows for block in blocks}):
+                yield f"{path}/{number}{'.0' * (array.ndim - 1)}"
 
     def read_rows(self, name: str, start: int, stop: int) -> NDArray[Any]:
         """Return some rows of a column, from the blocks' own files.

@@ -11,6 +11,7 @@ import zarr
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.field import Field
+from grasp_factory.core.limits import DOCUMENT
 from grasp_factory.errors import StoreError, shown
 from grasp_factory.writers.zarr.array_reader import StoredArray, stored
 from grasp_factory.writers.zarr.budgets import check_arrays
@@ -28,6 +29,7 @@ def open_arrays(
         StoreError: if one that is needed is missing, one is damaged, or no array of its field.
     """
     store = place_in(root)
+    store.root.fetch_ahead([f"{path}/zarr.json" for path in fields], DOCUMENT)
     there = [p for p in fields if p in needed or (store / p / "zarr.json").exists()]
     opened = {p: open_array(root, p) for p in there}
     check_arrays(store, config, opened.values())
