@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -53,17 +54,15 @@ class DeviceSeries:
 
 @dataclass(slots=True)
 class SeriesBuilder:
-    """Collects the messages of one topic."""
+    """Collects the messages of one topic, as numbers of 8 bytes each."""
 
     topic: SessionTopic
-    log_times: list[int]
-    device_times: list[int]
-    sequences: list[int]
-    rows: list[tuple[list[float], ...]]
-
-    def __init__(self, topic: SessionTopic) -> None:
-        self.topic = topic
-        self.log_times, self.device_times, self.sequences, self.rows = [], [], [], []
+    _log_times: array[int] = field(default_factory=lambda: array("q"))
+    _device_times: array[int] = field(default_factory=lambda: array("q"))
+    _sequences: array[int] = field(default_factory=lambda: array("q"))
+    _values: dict[str, array[float]] = field(default_factory=dict)
+    _widths: set[tuple[int, ...]] = field(default_factory=set)
+    """Numbers of values that messages have."""
 
     def add(self, message: SessionMessage) -> None:
         """Append a message.
@@ -71,12 +70,16 @@ class SeriesBuilder:
         Raises:
             CaptureError: if it cannot be decoded.
         """
-        self.log_times.append(min(message.log_time_ns, _LATEST_NS))
-        self.device_times.append(min(message.publish_time_ns, _LATEST_NS))
-        self.sequences.append(message.sequence)
+        self._log_times.append(min(message.log_time_ns, _LATEST_NS))
+        self._device_times.append(min(message.publish_time_ns, _LATEST_NS))
+        self._sequences.append(message.sequence)
         reader = _READERS.get(message.topic.message_type)
         if reader:
-            self.rows.append(reader[1](decoded(message)))
+            names, read = reader
+            row = read(decoded(message))
+            self._widths.add(tuple(map(len, row)))
+            for name, values in zip(names, row, strict=True):
+                self._values.setdefault(name, array("d")).extend(values)
 
     def series(self) -> DeviceSeries:
         """Return the arrays.
@@ -85,29 +88,28 @@ class SeriesBuilder:
             CaptureError: if messages have different numbers of values.
         """
         topic = self.topic
-        sequence = np.array(self.sequences, np.int64)
+        sequence = np.array(self._sequences, np.int64)
         return DeviceSeries(
             topic=topic.name,
             message_type=topic.message_type,
             device=topic.device,
             kind=topic.kind,
-            log_time_ns=np.array(self.log_times, np.int64),
-            device_ns=np.array(self.device_times, np.int64) if topic.has_device_time else None,
+            log_time_ns=np.array(self._log_times, np.int64),
+            device_ns=np.array(self._device_times, np.int64) if topic.has_device_time else None,
             sequence=unwrapped(sequence) if topic.has_device_sequence else None,
-            values=self._values(),
+            values=self._arrays(),
         )
 
-    def _values(self) -> dict[str, Array]:
-        names = _READERS[self.topic.message_type][0] if self.rows else ()
-        try:
-            return {
-                name: np.array([row[k] for row in self.rows], np.float64)
-                for k, name in enumerate(names)
-            }
-        except ValueError:
+    def _arrays(self) -> dict[str, Array]:
+        if len(self._widths) > 1:
             raise CaptureError(
                 f"messages of {shown(self.topic.name)} have different numbers of values"
-            ) from None
+            )
+        widths = next(iter(self._widths), ())
+        return {
+            name: np.array(values, np.float64).reshape(len(self._log_times), width)
+            for (name, values), width in zip(self._values.items(), widths, strict=True)
+        }
 
 
 def read_series(session: Path) -> dict[str, DeviceSeries]:

@@ -93,7 +93,9 @@ IMPORT_CPU = Limit(
 BAG_TOPICS = Limit("bag-topics", 2000, "a number of topics", is_count=True, source="bag")
 BAG_TEXTS = Limit("bag-texts", 2**19, "descriptions of topics and messages", source="bag")
 BAG_MESSAGE = Limit("bag-message", 128 * 2**10, "the definition of a message", source="bag")
-SESSION_MEMORY = Limit("session-memory", 2**31, "the memory to read a session", source="session")
+SESSION_MEMORY = Limit(
+    "session-memory", 768 * 2**20, "the memory to read a session", source="session"
+)
 SESSION_FILE = Limit("session-file", 64 * 2**30, "a file of a session", source="session")
 SESSION_CPU = Limit(
     "session-seconds", 86_400, "the CPU time to read a session", is_count=True, source="session"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from support.sessions import IMU, START, SessionMaker
 from grasp_factory.capture.ros_messages import decoded, definition_of
 from grasp_factory.capture.samples import DeviceKind
 from grasp_factory.capture.session_reader import SessionReader, opened_session
-from grasp_factory.capture.session_series import read_series, unwrapped
+from grasp_factory.capture.session_series import SeriesBuilder, read_series, unwrapped
 from grasp_factory.capture.session_settings import session_settings
 from grasp_factory.core.limits import VARIABLE
 from grasp_factory.errors import CaptureError, GraspFactoryError, IrregularFileError, LimitError
@@ -234,6 +235,19 @@ def test_a_session_is_read_in_a_process_with_limits(
     monkeypatch.setenv(VARIABLE, "session-memory=32MiB")
     with pytest.raises(LimitError, match="reading the session needs more than"):
         read_series(folder)
+
+
+def test_a_sample_takes_the_bytes_of_its_numbers_alone(tmp_path: Path) -> None:
+    folder = SessionMaker().wrench(np.zeros((4000, 6)), 1000.0).write(tmp_path / "in")
+    with opened_session(folder) as reader:
+        messages = list(reader.messages())
+    builder = SeriesBuilder(messages[0].topic)
+    tracemalloc.start()
+    for message in messages:
+        builder.add(message)
+    used, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert used < 2 * 8 * (3 + 6) * len(messages)
 
 
 def test_the_link_itself_may_lead_to_a_session(tmp_path: Path) -> None:

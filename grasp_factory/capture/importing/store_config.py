@@ -13,11 +13,13 @@ from grasp_factory.capture.importing.session_contents import SessionContents
 from grasp_factory.capture.quality.streams import measured_rate
 from grasp_factory.core.config.cameras import CAMERAS
 from grasp_factory.core.config.capture import FASTEST_HZ, CaptureConfig
-from grasp_factory.core.config.factory_config import MAX_VIDEO_GB, FactoryConfig
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.errors import UsageError
 
 _SPARE = 1.05
 """Factor on a rate or a length that was measured."""
+_BLOCK_GB = 0.25
+"""Colour videos of a block of episodes, which are in memory together, GB."""
 
 
 def devices_of_cameras(
@@ -85,7 +87,7 @@ def config_for(
     )
     video_hz = _video_rate(plain, [tracks.cameras[device] for device in devices.values()])
     per_episode = plain.longest_s * video_hz * len(devices) * size[0] * size[1] * 3 / 1e9
-    block = max(1, min(plain.block_size, int(MAX_VIDEO_GB / 2 / per_episode)))
+    block = max(1, min(plain.block_size, int(_BLOCK_GB / per_episode)))
     return replace(plain, video_hz=video_hz, block_size=block)
 
 
