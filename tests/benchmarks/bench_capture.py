@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.following import Follower
-from support.ticking_devices import register
+from support.ticking_devices import registered
 
 from grasp_factory.capture.session.recorder import SessionRecorder
 from grasp_factory.capture.session.session_config import SessionConfig, device_models
@@ -58,7 +58,6 @@ def main() -> None:
     parser.add_argument("--keep-gb", type=float, default=4.0, help="of the file that stay there")
     parser.add_argument("--compression", choices=("none", "zstd"), default="none")
     options = parser.parse_args()
-    register()
     plain = {
         "devices": devices(),
         "duration_s": options.seconds,
@@ -68,7 +67,8 @@ def main() -> None:
     config = from_plain(SessionConfig, plain)
     folder = Path(tempfile.mkdtemp(prefix="bench_capture_", dir=options.folder))
     try:
-        with Follower(folder / "session/session.mcap", round(1e9 * options.keep_gb)) as follower:
+        follower = Follower(folder / "session/session.mcap", round(1e9 * options.keep_gb))
+        with registered(), follower:
             measure(config, folder / "session", options.seconds, follower)
     finally:
         shutil.rmtree(folder)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from support.session_run import IMU
-from support.ticking_devices import register
+from support.ticking_devices import registered
 
 from grasp_factory.capture.session.clock_state import ClockState, clock_state
 from grasp_factory.capture.session.recorder import SessionRecorder
@@ -54,9 +54,10 @@ def test_a_session_says_what_the_kernel_says_of_its_clock(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Callable[..., tuple[int, str, str]]
 ) -> None:
     monkeypatch.setattr(ctypes, "CDLL", kernel(0, -250_000_000, 7, 2_000_000, 500_000, 0x2001))
-    register()
     config = from_plain(SessionConfig, {"devices": {"imu": IMU}})
-    with SessionRecorder(config, device_models(config), tmp_path / "s", {}, print) as recorder:
+    with registered():
+        models = device_models(config)
+    with SessionRecorder(config, models, tmp_path / "s", {}, print) as recorder:
         recorder.wait(0.1)
     assert recorder.record is not None
     assert recorder.record.clock == KEPT

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from support.ticking_devices import models, register
+from support.ticking_devices import models, registered
 
 from grasp_factory.capture.session.camera_info import camera_intrinsics
 from grasp_factory.capture.session.session_config import (
@@ -29,8 +30,9 @@ START = datetime(2026, 1, 31, 12, tzinfo=UTC)
 
 
 @pytest.fixture(scope="module", autouse=True)
-def devices() -> None:
-    register()
+def devices() -> Iterator[None]:
+    with registered():
+        yield
 
 
 def config(**plain: Any) -> SessionConfig:

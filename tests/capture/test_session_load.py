@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import pytest
 from support.faulty_disk import FaultyDisk
 from support.places import TINY
 from support.session_run import IMU, WRENCH
-from support.ticking_devices import TickingImu, register
+from support.ticking_devices import TickingImu, registered
 
 from grasp_factory.capture.samples import InertialReading, Payload
 from grasp_factory.capture.session.recorder import SessionRecorder
@@ -25,8 +25,9 @@ from grasp_factory.errors import CaptureError, UsageError
 
 
 @pytest.fixture(scope="module", autouse=True)
-def devices() -> None:
-    register()
+def devices() -> Iterator[None]:
+    with registered():
+        yield
 
 
 class Session:

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Self
+from unittest.mock import patch
 
 import numpy as np
 
@@ -225,15 +226,14 @@ def models() -> dict[str, DeviceModel]:
     }
 
 
-def register() -> None:
-    """Put the devices into the table of this process."""
-    table: Any = DEVICES
-    table.update(models())
+def registered() -> Any:
+    """Return a context in which the devices are in the table of this process."""
+    return patch.dict(DEVICES, models())
 
 
 if __name__ == "__main__":
     from grasp_factory.__main__ import main
 
-    register()
     sys.argv[0] = "grasp-factory"
-    main()
+    with registered():
+        main()
