@@ -62,7 +62,7 @@ def isolated() -> None:
 def recipes_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Simulate recipes of stores, and import, in this process: it is faster to start."""
     if "isolated" not in request.fixturenames:
-        monkeypatch.setattr(isolation, "isolated", lambda workers=1, check=None: _Here())
+        monkeypatch.setattr(isolation, "isolated", lambda *how, **more: _Here())
         monkeypatch.setattr(import_process, "reading_executor", lambda limits: InlineExecutor())
 
 

@@ -19,7 +19,8 @@ from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import EXIT_DONE, EXIT_FAILURE, UsageError, shown
 
 if TYPE_CHECKING:
-    from grasp_factory.apps.playback.playback import VideoPlan, WrittenVideo
+    from grasp_factory.apps.playback.playback import VideoPlan
+    from grasp_factory.apps.playback.video_process import WrittenVideo
 
 _video = partial(option, heading="Video")
 
@@ -173,7 +174,7 @@ def _plan(path: Path, index: int, video: Path, given: dict[str, Any]) -> VideoPl
 
 def _write(plan: VideoPlan) -> WrittenVideo:
     """Write a video and show a progress bar."""
-    from grasp_factory.apps.playback.playback import write_video
+    from grasp_factory.apps.playback.video_process import write_video
     from grasp_factory.cli.bars import watched
 
     with watched("frame", len(plan.times)) as count:

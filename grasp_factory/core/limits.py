@@ -85,6 +85,8 @@ SIMULATIONS = Limit("simulations", 1000, "a number of rows to simulate again", i
 LOST = Limit("lost", 30, "a number of lost rows beyond that of whole ones", is_count=True)
 MEMORY = Limit("memory", 768 * 2**20, "the memory of a simulation from a store's recipe")
 CPU = Limit("seconds", 8, "the CPU time of a simulation from a store's recipe", is_count=True)
+VIDEO_PIXELS = Limit("video-pixels", 8 * 10**9, "a video with a number of pixels", is_count=True)
+VIDEO_CPU = Limit("video-seconds", 3600, "the CPU time of a video", is_count=True)
 IMPORT_MEMORY = Limit("import-memory", 768 * 2**20, "the memory of an import", source="file")
 IMPORT_FILE = Limit("import-file", 4 * 2**30, "a file of an import", source="file")
 IMPORT_CPU = Limit(
@@ -135,6 +137,8 @@ LIMITS = {
         LOST,
         MEMORY,
         CPU,
+        VIDEO_PIXELS,
+        VIDEO_CPU,
         IMPORT_MEMORY,
         IMPORT_FILE,
         IMPORT_CPU,

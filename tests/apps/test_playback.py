@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +31,27 @@ from grasp_factory.apps.playback.playback import (
     stored_or_named_camera,
 )
 from grasp_factory.apps.playback.track import Track, phase_at
-from grasp_factory.apps.playback.video_file import GIF, MP4, check_video, nearest_fps, video_file
+from grasp_factory.apps.playback.video_file import (
+    GIF,
+    MP4,
+    FrameSink,
+    check_video,
+    frame_sink,
+    nearest_fps,
+)
+from grasp_factory.apps.playback.video_process import write_video
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.episode import Episode
+from grasp_factory.core.limits import VARIABLE
+from grasp_factory.core.output_file import written_aside
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.errors import GraspFactoryError, StoreError, UnknownNameError, UsageError
+from grasp_factory.errors import (
+    GraspFactoryError,
+    LimitError,
+    StoreError,
+    UnknownNameError,
+    UsageError,
+)
 from grasp_factory.simulation.rollout import run_episode
 from grasp_factory.simulation.world import World
 from grasp_factory.simulation.world.playback_world import PosedWorld
@@ -255,6 +272,14 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], float]:
         frames.append(found[1])
     reader.release()
     return frames, fps
+
+
+@contextlib.contextmanager
+def video_file(path: Path, size: tuple[int, int], fps: float, frames: int) -> Iterator[FrameSink]:
+    """Write a video as ``write_video`` does, with frames of our own."""
+    check_video(path, size, fps, frames)
+    with written_aside(path) as partial, frame_sink(partial, size, fps) as sink:
+        yield sink
 
 
 def grey(level: int, size: tuple[int, int] = (48, 32)) -> np.ndarray:
@@ -482,7 +507,25 @@ def test_an_attempt_that_never_started_is_a_picture_for_a_second(
 
     plan = playback.plan_video(One(), 0, tmp_path / "v.mp4", playback.View())  # type: ignore[arg-type]
     counted: list[None] = []
-    video = playback.write_video(plan, lambda: counted.append(None))
+    playback.draw_video(plan, plan.out, lambda: counted.append(None))
     frames, fps = frames_of(tmp_path / "v.mp4")
-    assert len(frames) == len(counted) == video.frames == round(END_S * fps)
+    assert len(frames) == len(counted) == len(plan.times) == round(END_S * fps)
     assert frames[0].shape == (48 + CAPTION, 64, 3)
+
+
+def test_a_video_of_too_many_pixels_is_refused_before_it_is_drawn(tmp_path: Path) -> None:
+    view = playback.View(resolution=(4096, 4096), pace=Pace(fps=100.0, speed=0.1))
+    with pytest.raises(LimitError, match=r"episode 2 of .*: a video with a number of pixels of"):
+        playback.plan_video(Dataset(TINY), 2, tmp_path / "v.mp4", view)
+
+
+@pytest.mark.usefixtures("isolated")
+def test_a_video_is_drawn_in_a_process_with_limits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    view = playback.View(resolution=(2048, 2048))
+    plan = playback.plan_video(Dataset(TINY), 2, tmp_path / "v.mp4", view)
+    monkeypatch.setenv(VARIABLE, "video-seconds=1")
+    with pytest.raises(LimitError, match="the video takes more than 1 s; if you trust this store"):
+        write_video(plan)
+    assert list(tmp_path.iterdir()) == []

@@ -18,11 +18,12 @@ import numpy as np
 from grasp_factory.apps.pictures import painting
 from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.apps.playback.track import Track, phase_at
-from grasp_factory.apps.playback.video_file import check_video, nearest_fps, video_file
+from grasp_factory.apps.playback.video_file import check_video, frame_sink, nearest_fps
 from grasp_factory.core.camera import Camera
 from grasp_factory.core.config.cameras import CAMERAS, CameraConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.geometry import Pose
+from grasp_factory.core.limits import VIDEO_PIXELS
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.factory import embedded_assets
@@ -136,31 +137,28 @@ class VideoPlan:
     """A video that is checked and can be made."""
 
     dataset: Dataset
+    index: int
+    """Of the episode, in the store."""
     episode: Episode
     out: Path
+    view: View
     camera: CameraConfig
     resolution: tuple[int, int]
     """Width and height of the camera's image, pixels, without the caption."""
-    caption: bool
     pace: Pace
+    """The view's, with a rate that the file can have."""
     times: tuple[float, ...]
     """The attempt's time at each frame, s."""
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of a frame, pixels, with its caption."""
-        return self.resolution[0], self.resolution[1] + CAPTION * self.caption
+        return self.resolution[0], self.resolution[1] + CAPTION * self.view.caption
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenVideo:
-    """A video that was written."""
-
-    path: str
-    frames: int
-    fps: float
-    size: tuple[int, int]
-    """Width and height, pixels, with the caption."""
+    @property
+    def pixels(self) -> int:
+        """Pixels of all frames together."""
+        return len(self.times) * self.size[0] * self.size[1]
 
 
 class Playback:
@@ -238,42 +236,44 @@ def plan_video(dataset: Dataset, index: int, out: Path, view: View) -> VideoPlan
     Raises:
         UsageError: if the video cannot be made.
         StoreError: if the episode is quarantined or cannot be read.
+        LimitError: if all its frames have more pixels than the limits allow.
     """
     activate(dataset.config)
     pace = dataclasses.replace(view.pace, fps=nearest_fps(out, view.pace.fps))
     episode = dataset[index]
     plan = VideoPlan(
         dataset=dataset,
+        index=index,
         episode=episode,
         out=out,
+        view=view,
         camera=view.place or stored_or_named_camera(episode.spec, view.camera),
         resolution=view.resolution or episode.spec.resolution,
-        caption=view.caption,
         pace=pace,
         times=tuple(pace.times(Track.of(episode).duration)),
     )
     check_video(out, plan.size, pace.fps, len(plan.times))
+    VIDEO_PIXELS.check(plan.pixels, f"episode {index} of {dataset.path}")
     return plan
 
 
-def write_video(plan: VideoPlan, on_frame: Callable[[], None] = lambda: None) -> WrittenVideo:
-    """Write the video of a stored attempt, and call ``on_frame`` after each frame.
+def draw_video(plan: VideoPlan, partial: Path, on_frame: Callable[[], None]) -> None:
+    """Write the video of a stored attempt to an empty file, and call ``on_frame`` after each frame.
 
     Raises:
-        StoreError: if it cannot be written, or data embedded in the store are damaged.
+        StoreError: if data embedded in the store are damaged.
         RecipeError: if an object of the episode cannot be loaded.
+        OSError: if it cannot be written.
     """
     embedded_assets.unpack(plan.dataset.path, plan.dataset.config)
-    fps, frames = plan.pace.fps, len(plan.times)
     with (
-        video_file(plan.out, plan.size, fps, frames) as sink,
+        frame_sink(partial, plan.size, plan.pace.fps) as sink,
         PosedWorld(plan.dataset.config.renderer) as world,
     ):
         playback = Playback(world, plan.episode, plan.camera, plan.resolution)
         for time, image in playback.frames(plan.times):
-            if plan.caption:
+            if plan.view.caption:
                 sink.add(captioned(image, plan.episode, time, plan.pace.speed))
             else:
                 sink.add(image)
             on_frame()
-    return WrittenVideo(path=str(plan.out), frames=frames, fps=fps, size=plan.size)

@@ -12,7 +12,7 @@ import numpy as np
 
 from grasp_factory.apps.pictures.painting import BgrImage
 from grasp_factory.core.mp4_file import mp4_file
-from grasp_factory.core.output_file import FileKind, check_out, written_aside
+from grasp_factory.core.output_file import FileKind, check_out
 from grasp_factory.errors import UsageError
 
 MP4 = FileKind(what="an MP4 video", suffix=".mp4", magic=b"ftyp", offset=4)
@@ -35,29 +35,25 @@ class FrameSink(Protocol):
 
 
 @contextlib.contextmanager
-def video_file(path: Path, size: tuple[int, int], fps: float, frames: int) -> Iterator[FrameSink]:
-    """Yield a sink for the frames of a video; the complete file exists when the block ends.
+def frame_sink(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameSink]:
+    """Yield a sink for the frames of a video; the file is complete when the block ends.
 
     Args:
-        path: Output file, ending in .mp4 or .gif; an existing video is replaced.
+        path: A file ending in .mp4 or .gif, which is overwritten.
         size: Width and height of each frame, pixels. MP4 needs even sizes: an odd size
             becomes one pixel larger, and the last row or column is repeated.
         fps: Frames per second; see ``nearest_fps``.
-        frames: Number of frames.
 
     Raises:
-        UsageError: as ``check_video`` does.
-        StoreError: if it cannot be written.
+        OSError: if it cannot be written.
     """
-    check_video(path, size, fps, frames)
-    if check_out(path, KINDS) is MP4:
-        with written_aside(path) as partial, mp4_file(partial, size, fps) as sink:
+    if path.suffix.lower() == MP4.suffix:
+        with mp4_file(path, size, fps) as sink:
             yield sink
         return
     animation = _Gif()
-    with written_aside(path) as partial:
-        yield animation
-        animation.write(partial, fps)
+    yield animation
+    animation.write(path, fps)
 
 
 def nearest_fps(path: Path, fps: float) -> float:
