@@ -1,4 +1,4 @@
-"""The wheel has all that the package needs, and works where there is no checkout."""
+"""The source distribution and its wheel have all that is needed, and work without a checkout."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -25,19 +26,39 @@ SHIPPED += ("apps/browse/static/*.*", "apps/browse/static/vendor/*")
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the wheel from a copy, because building writes into the source."""
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make the source distribution of a clone and return it unpacked."""
+    folder = tmp_path_factory.mktemp("source")
+    subprocess.run(["git", "clone", "--quiet", REPOSITORY, folder / "clone"], check=True)
+    shutil.rmtree(folder / "clone" / "grasp_factory")
+    unwanted = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(PACKAGE, folder / "clone" / "grasp_factory", ignore=unwanted)
+    code = f"from setuptools import build_meta; build_meta.build_sdist({str(folder)!r})"
+    command = [sys.executable, "-c", code]
+    subprocess.run(command, cwd=folder / "clone", check=True, capture_output=True)
+    (packed,) = folder.glob("*.tar.gz")
+    with tarfile.open(packed) as file:
+        file.extractall(folder, filter="data")
+    return folder / packed.name.removesuffix(".tar.gz")
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make the wheel of the source distribution."""
     folder = tmp_path_factory.mktemp("wheel")
-    for name in ("setup.cfg", "pyproject.toml", "README.md", "LICENSE", "MANIFEST.in"):
-        (folder / "source").mkdir(exist_ok=True)
-        shutil.copy(REPOSITORY / name, folder / "source" / name)
-    for name in ("grasp_factory", "tests/support"):
-        unwanted = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(REPOSITORY / name, folder / "source" / name, ignore=unwanted)
     options = ("--no-deps", "--no-build-isolation", "--wheel-dir", folder)
-    subprocess.run([*PIP, "wheel", *options, folder / "source"], check=True)
+    subprocess.run([*PIP, "wheel", *options, source], check=True)
     (found,) = folder.glob("*.whl")
     return found
+
+
+def test_the_source_distribution_has_all_that_tests_and_pages_need(source: Path) -> None:
+    kinds = ["bin", "data_samples", "docs", "tests", "*.md", "LICENSE", ":!.github", ":!packaging"]
+    command = ["git", "ls-files", *kinds]
+    listed = subprocess.run(command, cwd=REPOSITORY, check=True, capture_output=True, text=True)
+    names = [name for name in listed.stdout.splitlines() if (REPOSITORY / name).exists()]
+    assert len(names) > 500
+    assert [name for name in names if not (source / name).exists()] == []
 
 
 def test_it_has_every_module_and_every_file_beside_them_and_no_tests(wheel: Path) -> None:
@@ -70,7 +91,10 @@ def test_it_makes_reads_and_checks_episodes_where_there_is_no_checkout(
     run(python, *PIP[1:], "install", "--no-deps", "--no-index", wheel)
     program = python.with_name("grasp-factory")
     run(program, "generate", "--n", "4", "--resolution", "64x48", "--quiet", "--out", "s.zarr")
+    run(program, "info", "s.zarr")
+    run(program, "sheet", "s.zarr", "sheet.png")
     run(program, "verify", "s.zarr", "--deep", "1")
+    run(program, "export", "s.zarr", "article", "--to", "article")
     code = (
         "import grasp_factory; ds = grasp_factory.Dataset('s.zarr');"
         "print(grasp_factory.__file__, *(ds[i].checksum() for i in range(4)))"
