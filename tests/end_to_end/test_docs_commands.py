@@ -1,7 +1,8 @@
 """All blocks of each page run in their order, in an environment and a folder of their own.
 
-The environment has what the README installs. The folder has ``grasps.zarr`` and the files that the
-page takes for its reader's own. A block that a reader cannot run like this has no language.
+The environment has what the README installs, and nothing of the page before. The folder has
+``grasps.zarr`` and the files that the page takes for its reader's own. A block that a reader cannot
+run like this has no language.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -112,6 +114,28 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return clone
 
 
+@pytest.fixture(scope="module")
+def installed(clone: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with ``venv``, which the README has made, and a copy ``kept`` of it."""
+    folder = tmp_path_factory.mktemp("installed")
+    (install, *_) = [code for _, code in BLOCK.findall(README.read_text(encoding="utf-8"))]
+    subprocess.run(
+        ["bash", "-e", "-c", install.replace(".venv", str(folder / "venv"))],
+        cwd=clone, env=clean_environment(folder / "venv"), check=True, capture_output=True,
+    )  # fmt: skip
+    subprocess.run(["cp", "-a", folder / "venv", folder / "kept"], check=True)
+    return folder
+
+
+@pytest.fixture
+def env(installed: Path, tmp_path: Path) -> dict[str, str]:
+    """Return the variables of a shell in which the environment of the README is active, as new."""
+    shutil.rmtree(installed / "venv")
+    subprocess.run(["cp", "-a", installed / "kept", installed / "venv"], check=True)
+    cache = {"GRASP_FACTORY_CACHE": str(tmp_path / "cache")}
+    return clean_environment(installed / "venv") | cache
+
+
 def run(script: str, folder: Path, env: Mapping[str, str], *, serves: bool) -> tuple[int, str]:
     """Run a script; if it serves, press Ctrl-C as soon as it has printed an address.
 
@@ -139,16 +163,11 @@ def run(script: str, folder: Path, env: Mapping[str, str], *, serves: bool) -> t
 
 
 @pytest.mark.timeout(2 * MOST_S)
-@pytest.mark.skipif(not IS_SOAK, reason="installs an environment for each page")
+@pytest.mark.skipif(not IS_SOAK, reason="takes half an hour")
 @pytest.mark.parametrize("name", PAGES)
-def test_the_blocks_of_a_page_run_as_they_stand(name: str, clone: Path, tmp_path: Path) -> None:
-    env = clean_environment(tmp_path / ".venv")
-    (install, *_) = [code for _, code in BLOCK.findall(README.read_text(encoding="utf-8"))]
-    subprocess.run(
-        ["bash", "-e", "-c", install.replace(".venv", str(tmp_path / ".venv"))],
-        cwd=clone, env=env, check=True, capture_output=True,
-    )  # fmt: skip
-    env["GRASP_FACTORY_CACHE"] = str(tmp_path / "cache")
+def test_the_blocks_of_a_page_run_as_they_stand(
+    name: str, clone: Path, env: dict[str, str], tmp_path: Path
+) -> None:
     if name == "guides/installing.md":
         folder = tmp_path / "clone"
         subprocess.run(["git", "clone", "--quiet", REPOSITORY, folder], check=True)
