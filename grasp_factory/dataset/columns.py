@@ -52,16 +52,20 @@ class EpisodeTable:
         chosen = self._rows.chosen
         return np.arange(len(self)) if chosen is None else chosen.copy()
 
-    def column(self, name: str) -> NDArray[Any]:
-        """Return a column as it is stored, shape (N, ...): coded values are numbers.
+    def column(self, name: str, *, names: bool = False) -> NDArray[Any]:
+        """Return a column as it is stored, shape (N, ...). Missing rows hold its fill value.
 
-        ``ds[name]`` returns words instead. Rows that are missing hold the column's fill value.
+        Args:
+            name: of the column.
+            names: give words for coded values, as ``ds[name]`` does, instead of numbers. A code
+                without a word, such as that of a missing row, is an empty text.
 
         Raises:
             UnknownNameError: listing the columns.
             StoreError: if it is damaged.
         """
-        return self.read_columns(name)[name]
+        values = self.read_columns(name)[name]
+        return in_words(self._field(name), values) if names else values
 
     @property
     def status(self) -> NDArray[np.uint8]:

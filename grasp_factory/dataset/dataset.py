@@ -18,7 +18,6 @@ from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.optional import require
 from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.dataset.annotated_episodes import AnnotatedEpisodes
-from grasp_factory.dataset.columns import in_words
 from grasp_factory.dataset.dataset_display import dataset_html, dataset_text
 from grasp_factory.dataset.episode_reader import Episodes
 from grasp_factory.dataset.features import Features
@@ -116,9 +115,9 @@ class Dataset(AnnotatedEpisodes):
     def __getitem__(self, index: Any) -> Episode | NDArray[Any] | Self:
         """Return an episode by its index, a column by its name, or a view of several rows.
 
-        A column (N, ...) has words for coded values, as in ``where``; a code without a word, such
-        as that of a missing row, is an empty text. ``column`` returns the codes. For what several
-        rows may be, see ``select``. A negative index counts from the end.
+        A column (N, ...) has words for coded values, as in ``where`` and ``column(...,
+        names=True)``. For what several rows may be, see ``select``. A negative index counts from
+        the end.
 
         Raises:
             IndexError: naming the valid range.
@@ -127,7 +126,7 @@ class Dataset(AnnotatedEpisodes):
             StoreError: if a row is missing, quarantined or damaged.
         """
         if isinstance(index, str):
-            return in_words(self._field(index), self.column(index))
+            return self.column(index, names=True)
         if isinstance(index, slice | list | range | np.ndarray):
             return self.select(index)
         return self._episodes.one(self._rows.committed(index))

@@ -178,6 +178,7 @@ class TestWords:
         words = [Outcome(code).name.lower() for code in dataset.column("outcome")[THERE]]
         assert dataset["outcome"][THERE].tolist() == words
         assert set(dataset["outcome"][[*MISSING]]) == {""}
+        assert dataset.column("outcome", names=True).tolist() == dataset["outcome"].tolist()
         assert dataset["success"].dtype == np.bool_
 
     def test_are_what_an_outcome_prints(self, dataset: Dataset) -> None:
