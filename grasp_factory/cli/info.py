@@ -4,13 +4,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from grasp_factory.cli.params import AS_JSON, STORE, Command, option
+from grasp_factory.cli.params import AS_JSON, STORE_PATH, Command, option
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.errors import UsageError
 
 
 @click.command(
@@ -18,17 +20,42 @@ from grasp_factory.core.serialization import to_plain
     examples=(
         "grasp-factory info grasps.zarr",
         "grasp-factory info grasps.zarr --full",
+        "grasp-factory info monday.zarr tuesday.zarr",
         "grasp-factory info grasps.zarr --json",
     ),
 )
-@STORE
+@click.argument("paths", metavar="PATH...", nargs=-1, required=True, type=STORE_PATH)
 @option("--full", is_flag=True, help="Also print all tables, the arrays, the versions, the config.")
 @AS_JSON
-def info(path: Path, full: bool, as_json: bool) -> None:
+def info(paths: tuple[Path, ...], full: bool, as_json: bool) -> None:
     """Show the contents and the success rates of a store.
 
-    Counts the episodes of the store at PATH by outcome, policy, object and split.
+    Counts the episodes of the store at PATH by outcome, policy, object and split. Several stores,
+    whose configs differ in seed and block size alone, are counted as one, and then each for itself.
     """
+    if len(paths) == 1:
+        _tell_one(paths[0], full=full, as_json=as_json)
+    elif full:
+        raise UsageError("--full: valid for one store only")
+    else:
+        _tell_several(paths, as_json=as_json)
+
+
+def _tell_several(paths: Sequence[Path], *, as_json: bool) -> None:
+    from grasp_factory.cli.store_report import short_text, stores_table
+    from grasp_factory.dataset.dataset import Dataset
+    from grasp_factory.dataset.summary import summarise
+
+    together = summarise(Dataset(paths))
+    each = [summarise(Dataset(path)) for path in paths]
+    if as_json:
+        print_json(to_plain(together) | {"stores": to_plain(each)})
+        return
+    say(short_text(together))
+    say("\n" + stores_table(each))
+
+
+def _tell_one(path: Path, *, full: bool, as_json: bool) -> None:
     from grasp_factory.cli.plugin_report import plugins_text
     from grasp_factory.cli.store_report import (
         GROUPS,

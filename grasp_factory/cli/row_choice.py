@@ -103,17 +103,15 @@ def chosen_of_each(
     if len(datasets) == 1:
         rows = chosen_rows(datasets[0], episodes=episodes, ids=ids, where=where)
         return [datasets[0].committed.tolist() if rows is None else rows]
-    from grasp_factory.dataset.selection import read_lines, rows_of
+    from grasp_factory.dataset.selection import read_selections
 
     if episodes is not None:
         raise UsageError("--episodes: valid for one store only; use --ids with lines STORE:ROW")
-    lines = None if ids is None else read_lines(ids)
-    if lines and not all(path for path, _ in lines):
-        raise UsageError("--ids: valid for several stores: lines STORE:ROW, got one without STORE")
+    listed = None if ids is None else read_selections(ids, [dataset.path for dataset in datasets])
     chosen = []
-    for dataset in datasets:
+    for k, dataset in enumerate(datasets):
         there = dataset.committed.tolist()
-        lists = [there if lines is None else _with_episode(rows_of(lines, dataset.path), dataset)]
+        lists = [there if listed is None else _with_episode(listed[k], dataset)]
         lists += _matching_each(dataset, where)
         chosen.append(_common(lists) or [])
     return chosen

@@ -70,6 +70,16 @@ def store_text(store: StoreSummary, groups: Iterable[str]) -> str:
     return "\n\n".join([joined_lines(head), *(tables[g] for g in groups if tables[g])])
 
 
+def stores_table(stores: Iterable[StoreSummary]) -> str:
+    """Return the counts of several stores, one in each line."""
+    rows = [
+        (s.path, str(s.committed), str(s.missing), str(s.quarantined), percent(s.success_rate),
+         size_text(s.bytes)) for s in stores
+    ]  # fmt: skip
+    head = ("store", "episodes", "missing", "quarantined", "success", "size")
+    return table([head, *rows], range(1, len(head)))
+
+
 def short_text(store: StoreSummary) -> str:
     """Return a store's counts on one screen: the outcomes as a table, the others in a few lines."""
     groups = {

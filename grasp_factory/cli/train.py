@@ -5,13 +5,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TextIO
 
 import click
 
-from grasp_factory.cli.params import STORE, STORE_PATH, Command, json_option, option, options
+from grasp_factory.cli.params import STORE_PATH, Command, json_option, option, options
 from grasp_factory.cli.printing import print_json, say
 from grasp_factory.cli.row_choice import IDS
 from grasp_factory.errors import UsageError, shown
@@ -19,13 +22,17 @@ from grasp_factory.errors import UsageError, shown
 _training = partial(option, heading="Training")
 _output = partial(option, heading="Output")
 
+STORES = click.argument("paths", metavar="PATH...", nargs=-1, required=True, type=STORE_PATH)
+
 learning_options = options(
     IDS,
     _training(
         "--test",
         type=STORE_PATH,
         metavar="PATH",
-        help="Store whose test split the models are evaluated on.  [default: the same store]",
+        multiple=True,
+        help="Store whose test split the models are evaluated on. Repeatable.  [default: the same"
+        " stores]",
     ),
     _training(
         "--noise",
@@ -50,10 +57,11 @@ learning_options = options(
     cls=Command,
     examples=(
         "grasp-factory train grasps.zarr",
+        "grasp-factory train monday.zarr tuesday.zarr --test held_out.zarr",
         "grasp-factory train grasps.zarr --baseline vision --epochs 5 --out vision",
     ),
 )
-@STORE
+@STORES
 @_training(
     "--baseline",
     "kinds",
@@ -79,21 +87,22 @@ learning_options = options(
 @json_option("Output")
 def train(
     *,
-    path: Path,
+    paths: tuple[Path, ...],
     out: Path,
     kinds: tuple[str, ...],
     episodes: int | None,
-    test: Path | None,
+    test: tuple[Path, ...],
     ids: TextIO | None,
     as_json: bool,
     **options: Any,
 ) -> None:
     """Train baseline models and test them on unseen objects.
 
-    Trains on the train split of the store at PATH and evaluates on the objects of its test split.
-    The input of vision is the depth image before the attempt, the input of touch the forces and
-    torques on the pads until the lift, and both has both inputs. The table also has baselines
-    without training. --ids selects training episodes only, not those of validation and test.
+    Trains on the train split of the stores at PATH, read as one, and evaluates on the objects of
+    their test split. The input of vision is the depth image before the attempt, the input of touch
+    the forces and torques on the pads until the lift, and both has both inputs. The table also has
+    baselines without training. --ids selects training episodes only, not those of validation and
+    test.
     """
     _check_libraries()
     from grasp_factory.apps.learning import plots
@@ -103,16 +112,12 @@ def train(
     from grasp_factory.policies.networks import save_model
 
     settings, noise = _settings(options), options["noise"]
-    course = Course(
-        kinds=kinds or Course().kinds,
-        episodes=episodes,
-        rows=_selection(ids, path),
-        settings=settings,
-    )
-    dataset, judge = _open(path, test, noise)
+    course = Course(kinds=kinds or Course().kinds, episodes=episodes, settings=settings)
+    dataset, judge = _opened(paths, test, noise)
+    course = replace(course, rows=_selection(ids, dataset))
     _new_folder(out)
     found = compare(dataset, judge, course, watched)
-    report = report_of(found, _about((path, dataset), (test or path, judge), noise, course))
+    report = report_of(found, _about(dataset, judge, noise, course))
     for kind, fitted in found.trained.items():
         (out / f"{kind}.safetensors").write_bytes(save_model(fitted.model))
     plots.plot_roc(out / "roc.png", found.populations)
@@ -133,7 +138,7 @@ def train(
         "grasp-factory learning-curve grasps.zarr --baseline touch --seeds 5 --out tc",
     ),
 )
-@STORE
+@STORES
 @_training(
     "--sizes",
     metavar="N,N,...",
@@ -169,20 +174,20 @@ def train(
 @json_option("Output")
 def learning_curve(
     *,
-    path: Path,
+    paths: tuple[Path, ...],
     out: Path,
     sizes: str,
     seeds: int,
     kind: str,
-    test: Path | None,
+    test: tuple[Path, ...],
     ids: TextIO | None,
     as_json: bool,
     **options: Any,
 ) -> None:
     """Plot model accuracy against the number of episodes.
 
-    Trains models on random parts of the train split of the store at PATH, of several sizes and with
-    several seeds for each size, and evaluates them on its test split.
+    Trains models on random parts of the train split of the stores at PATH, read as one, of several
+    sizes and with several seeds for each size, and evaluates them on their test split.
     """
     _check_libraries()
     from grasp_factory.apps.learning import plots
@@ -194,12 +199,12 @@ def learning_curve(
 
     settings, noise = _settings(options), options["noise"]
     steps = Steps(kind=kind, sizes=_numbers(sizes), seeds=seeds)
-    course = Course(kinds=(kind,), rows=_selection(ids, path), settings=settings)
-    dataset, judge = _open(path, test, noise)
+    dataset, judge = _opened(paths, test, noise)
+    course = Course(kinds=(kind,), rows=_selection(ids, dataset), settings=settings)
     _new_folder(out)
     curve = measure(dataset, judge, steps, course, watched)
     report = {
-        **_about((path, dataset), (test or path, judge), noise, course),
+        **_about(dataset, judge, noise, course),
         "curve": to_plain(curve),
     }
     title = f"{curve.test_episodes} episodes of {curve.test_objects} objects, {curve.seeds} seeds"
@@ -212,10 +217,24 @@ def learning_curve(
     say(f"learning-curve.json and learning-curve.png are in {out}")
 
 
-def _selection(ids: TextIO | None, path: Path) -> tuple[int, ...] | None:
-    from grasp_factory.dataset.selection import read_selection
+def _opened(paths: Sequence[Path], test: Sequence[Path], noise: str | None) -> tuple[Any, Any]:
+    from grasp_factory.apps.learning.learning_stores import open_stores
 
-    return None if ids is None else tuple(read_selection(ids, path))
+    dataset = open_stores(paths, noise)
+    return dataset, open_stores(test, noise) if test else dataset
+
+
+def _selection(ids: TextIO | None, dataset: Any) -> tuple[int, ...] | None:
+    """Return the listed rows of the dataset; rows beyond the end of their store are left out."""
+    from grasp_factory.dataset.selection import read_selections
+
+    if ids is None:
+        return None
+    spans = pairwise(dataset.starts.tolist())
+    listed = zip(spans, read_selections(ids, dataset.paths), strict=True)
+    return tuple(
+        start + row for (start, stop), rows in listed for row in rows if start + row < stop
+    )
 
 
 def _check_libraries() -> None:
@@ -231,36 +250,19 @@ def _settings(options: dict[str, Any]) -> Any:
     return TrainSettings(**{key: value for key, value in given.items() if value is not None})
 
 
-def _open(path: Path, test: Path | None, noise: str | None) -> tuple[Any, Any]:
-    from grasp_factory.dataset.dataset import Dataset
-
-    dataset = Dataset(path, noise=noise)
-    return dataset, Dataset(test, noise=noise) if test else dataset
-
-
-def _about(
-    store: tuple[Path, Any], test: tuple[Path, Any], noise: str | None, course: Any
-) -> dict[str, Any]:
+def _about(dataset: Any, judge: Any, noise: str | None, course: Any) -> dict[str, Any]:
     """Return the origin of a report; without a time of day, so that equal runs have equal bytes."""
     from grasp_factory import __version__
+    from grasp_factory.apps.learning.learning_stores import named_stores
     from grasp_factory.core.serialization import to_plain
 
     return {
         "grasp_factory": __version__,
-        "store": _named(*store),
-        "test": _named(*test),
+        "store": named_stores(dataset),
+        "test": named_stores(judge),
         "noise": noise,
         "course": to_plain(course),
     }
-
-
-def _named(path: Path, dataset: Any) -> dict[str, str]:
-    from grasp_factory.curation.versions.origin import states_of
-
-    named = {"path": str(path), "config_sha256": dataset.config.sha256()}
-    for state in states_of([path]):
-        named |= {"rows_sha256": state.rows_sha256, "snapshot": state.snapshot}
-    return named
 
 
 def _new_folder(out: Path) -> None:

@@ -17,6 +17,7 @@ from grasp_factory.dataset.features import Features
 from grasp_factory.dataset.joined_stores import (
     JoinedAnnotations,
     JoinedColumns,
+    joined_name,
     places_by_store,
 )
 from grasp_factory.dataset.row_lookup import RowIndex
@@ -68,6 +69,11 @@ class AnnotatedEpisodes(EpisodeViews):
             names = ", ".join(map(str, self.paths))
             raise UsageError(f"{names}: got {len(self.paths)} stores, valid: one, for this")
         return self.paths[0]
+
+    @property
+    def name(self) -> str:
+        """The path of the store, or of the first of several and their number, for messages."""
+        return joined_name(self.paths)
 
     def stored_at(self, index: int) -> tuple[Path, int]:
         """Return the store of a row, and its row there.

@@ -73,10 +73,8 @@ class Dataset(AnnotatedEpisodes):
             UsageError: for an invalid noise or seed, or for stores of different kinds.
         """
         given = [path] if isinstance(path, str | Path) else path
-        self.paths, self.noise = (
-            tuple(map(store_path, given)),
-            EpisodeNoise(named_noise(noise), noise_seed),
-        )
+        self.paths = tuple(map(store_path, given))
+        self.noise = EpisodeNoise(named_noise(noise), noise_seed)
         found = opened_together(self.paths, checked=checked)
         store, self.starts = found.store, found.starts
         self.config, self.attributes = store.config, store.attributes
@@ -257,7 +255,7 @@ class Dataset(AnnotatedEpisodes):
             to: the format; ``grasp-factory export --list`` lists all of them.
             out: the folder to create; it must not exist.
             indices: the episodes, in the order of the export, or a mask of truth values, one for
-                each row; None for all episodes, in their order.
+                each row; None for all episodes, in their order. Those of one store are together.
             workers: number of processes; the files do not depend on it.
             **settings: options of the format.
 
@@ -268,13 +266,14 @@ class Dataset(AnnotatedEpisodes):
             ConfigError: for an invalid setting.
             StoreError: if the store is damaged, or the disk fails or is full.
         """
+        from grasp_factory.dataset.store_rows import store_rows  # noqa: PLC0415
         from grasp_factory.writers.exporters import exporter_named  # noqa: PLC0415
         from grasp_factory.writers.exporters.exporting import run_export  # noqa: PLC0415
 
         exporter = exporter_named(to)
         chosen = self.committed if indices is None else chosen_rows(indices, len(self))
-        rows = self._rows.rows_at(chosen).tolist()
-        return run_export(exporter, [(self.whole, rows)], Path(out), settings, workers=workers)
+        rows = store_rows(self, self._rows.rows_at(chosen), checked=self._is_checked)
+        return run_export(exporter, rows, Path(out), settings, workers=workers)
 
     def verify(self, index: int) -> bool:
         """Return whether an episode's values match its checksum.

@@ -69,12 +69,17 @@ def opened_together(paths: Sequence[Path], *, checked: bool) -> OpenedStores:
             name=paths[0], store=stores[0], columns=columns[0], annotations=logs[0], starts=starts
         )
     return OpenedStores(
-        name=Path(f"{paths[0]} and {len(paths) - 1} more"),
+        name=Path(joined_name(paths)),
         store=_joined(stores, starts),
         columns=JoinedColumns(columns, starts),
         annotations=JoinedAnnotations(logs, starts),
         starts=starts,
     )
+
+
+def joined_name(paths: Sequence[Path]) -> str:
+    """Return the path of a store, or of the first of several and their number, for messages."""
+    return f"{paths[0]} and {len(paths) - 1} more" if len(paths) > 1 else str(paths[0])
 
 
 class JoinedArray(StoredArray):

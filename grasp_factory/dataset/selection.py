@@ -70,6 +70,26 @@ def read_selection(file: TextIO, store: Path) -> list[int]:
     return rows
 
 
+def read_selections(file: TextIO, stores: Sequence[Path]) -> list[list[int]]:
+    """Return the rows of each store that a file lists, in its order; see ``read_lines``.
+
+    For several stores each line must name its store; lines of others are left out.
+
+    Args:
+        file: The file, which errors name.
+        stores: One or several.
+
+    Raises:
+        UsageError: naming the first invalid line, or one of no store.
+    """
+    if len(stores) == 1:
+        return [read_selection(file, stores[0])]
+    lines = read_lines(file)
+    if not all(path for path, _ in lines):
+        raise UsageError("--ids: valid for several stores: lines STORE:ROW, got one without STORE")
+    return [rows_of(lines, store) for store in stores]
+
+
 def rows_of(lines: Iterable[tuple[str, int]], store: Path) -> list[int]:
     """Return the rows of those lines that name this store or no store."""
     is_mine = cache(lambda path: not path or _is_same(path, store))

@@ -16,6 +16,7 @@ from grasp_factory.dataset.counts import (
     count_statuses,
 )
 from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.joined_stores import JoinedColumns
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.sizes import store_bytes
 from grasp_factory.writers.zarr.writer import COMMITTED
@@ -40,6 +41,7 @@ class StoreSummary:
     """The episodes of a store, counted in several ways; rates are over committed episodes."""
 
     path: str
+    """Of the store, or of the first of several, and their number."""
     episodes: int
     """Rows of the store."""
     committed: int
@@ -72,8 +74,9 @@ class StoreSummary:
 
 
 def summarise(dataset: Dataset) -> StoreSummary:
-    """Return the counts of a dataset's episodes."""
-    columns = Columns.open(dataset.path)
+    """Return the counts of a dataset's episodes; those of several stores are added."""
+    parts = [Columns.open(path) for path in dataset.paths]
+    columns = JoinedColumns(parts, dataset.starts)
     newer = [name for name in ("quality", "object_family", "fingerprint") if name in columns.names]
     read = columns.read("status", "success", "outcome", "policy", "object_set", "split", *newer)
     status = read["status"]
@@ -83,9 +86,9 @@ def summarise(dataset: Dataset) -> StoreSummary:
     policy, family = (kept[name].tolist() if name in kept else [] for name in _BALANCED)
     total = _tally(len(success), sum(success))
     said = dataset.annotations.values()
-    size, (missing, _, quarantined) = store_bytes(columns), count_statuses(status)
+    size, (missing, _, quarantined) = sum(map(store_bytes, parts)), count_statuses(status)
     return StoreSummary(
-        path=str(dataset.path),
+        path=dataset.name,
         episodes=len(dataset),
         committed=total.episodes,
         quarantined=quarantined,

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, average_precision_score, roc_auc_score
@@ -34,6 +35,8 @@ from grasp_factory.apps.learning.training import TrainSettings, cross_entropy, f
 from grasp_factory.core.config.physics import PHYSICS_PRESETS
 from grasp_factory.core.enums import Phase
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.curation.merge import split as split_off
+from grasp_factory.curation.versions.origin import state_of
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import ConfigError, UsageError
 from grasp_factory.policies.networks import KINDS, TOUCH, TouchWindow, load_model, save_model
@@ -459,6 +462,69 @@ def test_chosen_rows_of_the_train_split_alone_are_learned_from(
     learned_from = report["populations"]["attempts"]["train_episodes"]
     assert learned_from == len(splits.train) < len(whole.train)
     assert (len(splits.val), len(splits.test)) == (len(whole.val), len(whole.test))
+
+
+@pytest.fixture(scope="module")
+def halves(stores: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Return two stores with the episodes of the first one, in their order."""
+    rows, folder = Dataset(stores[0]).committed, tmp_path_factory.mktemp("halves")
+    for name, mine in (("a.zarr", rows[:50]), ("b.zarr", rows[50:])):
+        split_off(stores[0], folder / name, mine.tolist())
+    return [folder / "a.zarr", folder / "b.zarr"]
+
+
+def test_several_stores_teach_what_one_with_their_episodes_does(
+    stores: tuple[Path, Path], halves: list[Path], tmp_path: Path, run: Run
+) -> None:
+    learn, test = stores
+    rows = Dataset(learn).split("train").indices
+    places = np.searchsorted(Dataset(learn).committed, rows[rows.size // 4 :]).tolist()
+    starts, lines = Dataset(halves).starts, []
+    for place in places:
+        store = int(np.searchsorted(starts, place, side="right")) - 1
+        lines.append(f"{halves[store]}:{place - starts[store]}")
+    (tmp_path / "ids").write_text("\n".join([f"{halves[0]}:50", *lines]))  # one beyond its end
+    (tmp_path / "own").write_text("\n".join(map(str, rows[rows.size // 4 :])))
+    options = ("--test", test, "--baseline", "touch", "--epochs", "1")
+    one = run("train", learn, *options, "--ids", tmp_path / "own", "--out", tmp_path / "one")
+    two = run("train", *halves, *options, "--ids", tmp_path / "ids", "--out", tmp_path / "two")
+    assert (one[0], two) == (0, (0, one[1].replace("/one", "/two"), one[2]))
+    models = [
+        load_model((tmp_path / name / "touch.safetensors").read_bytes(), "touch")
+        for name in ("one", "two")
+    ]
+    weights = [model.network.state_dict() for model in models]
+    assert all(torch.equal(weights[0][key], weights[1][key]) for key in weights[0])
+    states = [state_of(path) for path in halves]
+    assert models[1].facts["stores"] == [
+        {"config_sha256": state.config_sha256, "rows_sha256": state.rows_sha256} for state in states
+    ]
+    report = json.loads((tmp_path / "two" / "report.json").read_text())
+    assert report["course"]["rows"] == places
+    assert [store["path"] for store in report["store"]] == list(map(str, halves))
+    assert report["test"]["path"] == str(test)
+    told = run("provenance", tmp_path / "two")[1]
+    assert all(f"rows {state.rows_sha256[:12]}" in told for state in states)
+
+
+def test_stores_that_do_not_go_together_are_refused(
+    stores: tuple[Path, Path],
+    halves: list[Path],
+    complaint: Callable[..., tuple[int, str]],
+    tmp_path: Path,
+) -> None:
+    split_off(halves[1], tmp_path / "again.zarr", [3, 4])
+    (tmp_path / "ids").write_text("3")
+    for args, words in (
+        ((*halves, stores[1]), "are of different kinds: object_splits"),
+        ((*halves, tmp_path / "again.zarr"), "row 0 are the same episode, of 2 that are there"),
+        ((*halves, "--ids", tmp_path / "ids"), "--ids: valid for several stores: lines STORE:ROW"),
+        (halves, f"split test: {halves[0]} and 1 more has no episodes with a grasp"),
+    ):
+        code, said = complaint("train", *args, "--out", tmp_path / "out")
+        assert (code, said.count("\n")) == (2, 1)
+        assert words in said
+    assert not (tmp_path / "out").exists() or not any((tmp_path / "out").iterdir())
 
 
 def test_rows_of_which_nothing_can_be_learned_are_refused(

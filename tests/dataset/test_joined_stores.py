@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.fake_episodes import JOINTS, make_rows, small_config
+from support.helpers import assert_same_tree
 
+from grasp_factory.core.serialization import to_plain
 from grasp_factory.dataset.annotations import AnnotationLog
 from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import UsageError
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
+
+Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +66,37 @@ def test_views_and_images_cross_the_stores(stores: list[Path]) -> None:
     assert len(joined.where(success=True)) + len(joined.where(success=False)) == len(view)
 
 
-def test_what_needs_one_store_says_so(stores: list[Path], tmp_path: Path) -> None:
+def test_what_needs_one_store_says_so(stores: list[Path]) -> None:
     with pytest.raises(UsageError, match="got 3 stores, valid: one"):
-        Dataset(stores).export("coco", tmp_path / "out")
+        Dataset(stores).arrays()
+
+
+def test_an_export_has_the_chosen_episodes_store_by_store(
+    stores: list[Path], tmp_path: Path, run: Run
+) -> None:
+    joined = Dataset(stores)
+    joined.export("sequences", tmp_path / "all")
+    assert run("export", *stores, tmp_path / "told", "--to", "sequences")[0] == 0
+    assert_same_tree(tmp_path / "all", tmp_path / "told")
+    joined.select([14, 0, 8, 3]).export("sequences", tmp_path / "few")
+    lines = (tmp_path / "few" / "grasp_factory_episodes.jsonl").read_text().splitlines()
+    rows = [(line["store"], line["row"]) for line in map(json.loads, lines)]
+    assert rows == [(0, 0), (0, 3), (1, 2), (2, 3)]
+
+
+def test_info_adds_the_stores_and_shows_each(stores: list[Path], run: Run) -> None:
+    single = [summarise(Dataset(path)) for path in stores]
+    code, said, _ = run("info", *stores, "--json")
+    told = json.loads(said)
+    assert (code, told["stores"]) == (0, to_plain(single))
+    for key in ("episodes", "committed", "missing", "quarantined", "successes", "bytes"):
+        assert told[key] == sum(getattr(summary, key) for summary in single)
+    assert sum(told["outcomes"].values()) == told["committed"]
+    said = run("info", *stores)[1]
+    assert said.startswith(f"{stores[0]} and 2 more: 11 episodes")
+    assert all(any(line.startswith(str(path)) for line in said.splitlines()) for path in stores)
+    code, said, told = run("info", *stores, "--full")
+    assert (code, said, told) == (2, "", "Error: --full: valid for one store only\n")
 
 
 def test_stores_of_different_kinds_are_refused(stores: list[Path], tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from grasp_factory import __version__
 from grasp_factory.apps.learning.examples import ExampleReader, Examples
+from grasp_factory.apps.learning.learning_stores import store_facts
 from grasp_factory.apps.learning.progress_callback import ProgressWatch, unwatched
 from grasp_factory.apps.learning.scores import FIGURES, Bootstrap, Estimate, auc
 from grasp_factory.apps.learning.simple_baselines import majority, pose_only
@@ -18,7 +20,6 @@ from grasp_factory.apps.learning.training import Trained, TrainSettings, fit
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.serialization import check, to_plain
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.dataset.snapshots.version import rows_sha256
 from grasp_factory.errors import ConfigError, UsageError, lookup
 from grasp_factory.policies.networks import KINDS, TOUCH, WIDTH, TouchWindow
 from grasp_factory.signals.grasp_crop import CropShape
@@ -157,7 +158,7 @@ def read_splits(
 
     Raises:
         UsageError: if a split has fewer episodes than requested, or episodes of one label only,
-            or if an object is in train and in test.
+            or if an object is in two splits.
     """
     uses = list(dict.fromkeys(name for kind in kinds for name in KINDS[kind]))
     parts: dict[str, Examples] = {}
@@ -180,9 +181,11 @@ def read_splits(
         _check_labels(source, split, population, rows)
         with watch(f"reading {split}", len(rows)) as step:
             parts[split] = reader.read(rows, step)
-    both = np.intersect1d(parts["train"].object_id, parts["test"].object_id)
-    if len(both):
-        raise UsageError(f"object {both[0]} is in train and in test: nothing is held out")
+    for first, second in combinations(parts, 2):
+        both = np.intersect1d(parts[first].object_id, parts[second].object_id)
+        if len(both):
+            what = f"object {both[0]} is in {first} and in {second}: nothing is held out"
+            raise UsageError(f"{what}; name stores whose objects were split in the same way")
     return Splits(**parts)
 
 
@@ -198,10 +201,11 @@ def _chosen(rows: NDArray[np.int64], wanted: Sequence[int]) -> NDArray[np.int64]
 def _check_labels(dataset: Dataset, split: str, population: str, rows: NDArray[np.int64]) -> None:
     good = int(dataset.column("success")[rows].sum())
     if not 0 < good < len(rows):
+        last, there = dataset.paths[-1], int(dataset.starts[-1] - dataset.starts[-2])
         raise UsageError(
-            f"split {split} of {dataset.path}: {good} of {len(rows)} {population} are a success;"
+            f"split {split} of {dataset.name}: {good} of {len(rows)} {population} are a success;"
             " valid: some of both kinds; make more episodes, such as with"
-            f" `grasp-factory generate --out {dataset.path} --n {max(400, 2 * len(dataset))}`"
+            f" `grasp-factory generate --out {last} --n {max(400, 2 * there)}`"
         )
 
 
@@ -211,8 +215,7 @@ def train_on(
     """Fit a network of one kind."""
     facts: dict[str, Any] = {
         "grasp_factory": __version__,
-        "config_sha256": dataset.config.sha256(),
-        "rows_sha256": rows_sha256(dataset.path),
+        **store_facts(dataset),
         "train_episodes": len(splits.train),
         "settings": to_plain(course.settings),
     }

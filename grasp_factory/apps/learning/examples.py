@@ -129,7 +129,7 @@ class ExampleReader:
         if TOUCH in self.uses:
             rows = rows[[self._has_lift(row) for row in rows.tolist()]]
         if not len(rows):
-            raise UsageError(f"{self.dataset.path} has no episodes with a grasp to learn from")
+            raise UsageError(f"{self.dataset.name} has no episodes with a grasp to learn from")
         return rows
 
     def grasps(self, rows: NDArray[np.int64]) -> Grasps:

@@ -151,11 +151,12 @@ def _of_training(folder: Path) -> ProvenanceNode:
     nodes = []
     for key in ("store", "test"):
         named = report.get(key)
-        if isinstance(named, Mapping):
-            keys = ("config_sha256", "rows_sha256", "snapshot")
-            facts = ", ".join(f"{k.partition('_')[0]} {str(named[k])[:SHORT]}" for k in keys
-                              if named.get(k))  # fmt: skip
-            nodes.append(ProvenanceNode(text=f"{key} {shown(named.get('path'))}: {facts}"))
+        for store in named if isinstance(named, list) else [named]:
+            if isinstance(store, Mapping):
+                keys = ("config_sha256", "rows_sha256", "snapshot")
+                facts = ", ".join(f"{k.partition('_')[0]} {str(store[k])[:SHORT]}" for k in keys
+                                  if store.get(k))  # fmt: skip
+                nodes.append(ProvenanceNode(text=f"{key} {shown(store.get('path'))}: {facts}"))
     text = f"{folder}: models of grasp-factory {shown(report.get('grasp_factory'))}, trained on"
     return ProvenanceNode(text=text, made_of=tuple(nodes))
 
