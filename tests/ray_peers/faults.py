@@ -31,13 +31,13 @@ Fault = Callable[[Nodes, "subprocess.Popen[str]"], list[int]]
 
 def worker_killed(nodes: Nodes, run: subprocess.Popen[str]) -> list[int]:
     """Kill one worker process of an agent."""
-    send(random.choice(nodes.workers() or [0]), signal.SIGKILL)
+    _kill_one(nodes.workers, run)
     return []
 
 
 def agent_killed(nodes: Nodes, run: subprocess.Popen[str]) -> list[int]:
     """Kill one agent."""
-    send(random.choice(nodes.agents()), signal.SIGKILL)
+    _kill_one(nodes.agents, run)
     return []
 
 
@@ -67,12 +67,21 @@ def raylet_stopped(nodes: Nodes, run: subprocess.Popen[str]) -> list[int]:
 
 def agent_stopped(nodes: Nodes, run: subprocess.Popen[str]) -> list[int]:
     """Stop one agent, and not its workers."""
-    return _stopped([random.choice(nodes.agents())])
+    return _stopped([random.choice(agents)] if (agents := nodes.agents()) else [])
 
 
 def both_stopped(nodes: Nodes, run: subprocess.Popen[str]) -> list[int]:
     """Stop all processes of the second node."""
     return _stopped(nodes.node_of(nodes.raylets()[-1]))
+
+
+def _kill_one(pids: Callable[[], list[int]], run: subprocess.Popen[str]) -> None:
+    """Kill one of some processes as soon as there is one, unless the run ends before."""
+    while run.poll() is None:
+        if found := pids():
+            send(random.choice(found), signal.SIGKILL)
+            return
+        time.sleep(0.05)
 
 
 def _stopped(pids: list[int]) -> list[int]:
