@@ -8,12 +8,13 @@ made and checked by ``ssh-keygen -Y`` of OpenSSH 8.1 or newer, which needs no ne
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +35,9 @@ NAMESPACE = "grasp-factory-store"
 _DESCRIPTION = "SHA-256 of every other file of this store, and an SSH signature of that list"
 _SIGNER = "signer"
 _KEY = re.compile(r"(sk-)?(ssh|ecdsa)-[a-z0-9@.-]+ [A-Za-z0-9+/=]+")
+_LINE = re.compile(rb"([0-9a-f]{64})  ([^\n]{1,4096})\n")
+_MOST_MISSING = 1000
+"""Files that a list has and a store has not: so many are named."""
 _PART = 2**20
 _LARGE, _MOST_SPARSE = 64 * 2**20, 64
 
@@ -68,6 +72,8 @@ def sign(
         UsageError: if the key cannot sign.
     """
     read_attributes(store)
+    if key.exists() and not key.is_file():
+        raise UsageError(f"{key} cannot sign: it is no file; name a private SSH key")
     with StoreLock(store):
         place = place_of(store)
         is_first = not (place / FOLDER).exists()
@@ -119,19 +125,42 @@ def check_signature(
         return SignatureReport(files=0, problems=("the store is not signed",))
     if not _is_by(public, text, signature):
         return SignatureReport(files=0, problems=(f"the signature is not by the key {key}",))
-    lines = [line.partition("  ") for line in text.decode("utf-8", "replace").splitlines()]
-    signed = {name: digest for digest, _, name in lines}
     here = _files(place)
+    signed, missing = _signed(io.BytesIO(text), here)
+    if signed is None:
+        return SignatureReport(files=0, problems=("its list of files is none of sha256sum",))
     known = {name: file for name, file in here.items() if name in signed}
     digests = dict(_digests(known, on_start, on_file))
     changed = [name for name, digest in digests.items() if digest != signed[name]]
     found = (
-        ("missing", [name for name in signed if name not in here]),
+        ("missing", missing),
         ("changed since it was signed", changed),
         ("not signed", [name for name in here if name not in signed]),
     )
     problems = tuple(f"{shown(name)} is {what}" for what, names in found for name in names)
     return SignatureReport(files=len(known) - len(changed), problems=problems)
+
+
+def _signed(
+    lines: Iterable[bytes], here: Collection[str]
+) -> tuple[dict[str, str] | None, list[str]]:
+    """Return the digests of files that are here by name, and the names of the first others.
+
+    The digests are None if a line is none of ``sha256sum``. The maker of a list may have put
+    millions of names in it.
+    """
+    digests: dict[str, str] = {}
+    missing: list[str] = []
+    for line in lines:
+        found = _LINE.fullmatch(line)
+        if found is None:
+            return None, []
+        name = found[2].decode("utf-8", "replace")
+        if name in here:
+            digests[name] = found[1].decode("ascii")
+        elif len(missing) < _MOST_MISSING:
+            missing.append(name)
+    return digests, missing
 
 
 def _files(store: Place) -> dict[str, Place]:
@@ -181,9 +210,11 @@ def _check_dense(descriptor: int, file: Place) -> None:
 
 
 def _public_key(file: Path) -> str:
-    """Return type and key of a public key's file."""
+    """Return type and key of a public key's file, or of a pipe that a shell has opened."""
     try:
-        with file.open("rb") as opened:
+        descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        os.set_blocking(descriptor, True)  # a pipe without a writer is at its end
+        with os.fdopen(descriptor, "rb") as opened:
             text = opened.read(DOCUMENT.usual).decode("utf-8", "replace")
     except OSError as error:
         raise UsageError(f"key {file} cannot be read: {error.strerror}") from None

@@ -13,7 +13,14 @@ import pytest
 from support.helpers import tree
 from support.places import TINY
 
-from grasp_factory.curation.signing import FOLDER, SUMS, check_signature, sign
+from grasp_factory.curation.signing import (
+    FOLDER,
+    NAMESPACE,
+    SIGNATURE,
+    SUMS,
+    check_signature,
+    sign,
+)
 from grasp_factory.errors import MissingLibraryError, StoreError, StoreMismatchError, UsageError
 
 pytestmark = pytest.mark.skipif(not shutil.which("ssh-keygen"), reason="needs OpenSSH")
@@ -165,3 +172,50 @@ def test_files_that_were_not_signed_are_not_read(signed: Path, keys: Path) -> No
     found = check_signature(signed, keys / "mine.pub", on_start=counts.append)
     assert found.problems == ("'new' is not signed",)
     assert counts == [found.files]
+
+
+@pytest.mark.parametrize("name", ["pipe", "pipe.pub"])
+def test_a_pipe_without_a_writer_is_no_key_and_nothing_waits(
+    store: Path, tmp_path: Path, name: str
+) -> None:
+    os.mkfifo(tmp_path / name)
+    before = tree(store)
+    check = check_signature if name.endswith(".pub") else sign
+    with pytest.raises(UsageError, match=name):
+        check(store, tmp_path / name)
+    assert tree(store) == before
+
+
+def test_a_public_key_may_come_through_a_pipe_that_a_shell_has_opened(
+    signed: Path, keys: Path
+) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, (keys / "mine.pub").read_bytes())
+    os.close(writing)
+    try:
+        assert check_signature(signed, Path(f"/dev/fd/{reading}")).problems == ()
+    finally:
+        os.close(reading)
+
+
+@pytest.mark.parametrize("line", ["\n", f"{'0' * 64}  {'x' * 5000}\n", f"{'0' * 64} x"])
+def test_a_list_of_other_lines_is_refused_whoever_signed_it(
+    signed: Path, keys: Path, line: str
+) -> None:
+    _signed_again(signed, keys, line * 3)
+    assert problems(signed, keys) == ("its list of files is none of sha256sum",)
+
+
+def test_a_list_of_many_names_is_not_kept(signed: Path, keys: Path) -> None:
+    _signed_again(signed, keys, f"{'0' * 64}  x\n" * 3000)
+    files = [file for file in signed.rglob("*") if file.is_file()]
+    assert len(problems(signed, keys)) == 1000 + len(files) - 2
+
+
+def _signed_again(store: Path, keys: Path, text: str) -> None:
+    """Let the owner of a key sign a text instead of the list of files."""
+    (store / FOLDER / SUMS).write_text(text)
+    (store / FOLDER / SIGNATURE).unlink()
+    what = ["-n", NAMESPACE, str(store / FOLDER / SUMS)]
+    command = ["ssh-keygen", "-Y", "sign", "-q", "-f", str(keys / "mine"), *what]
+    subprocess.run(command, check=True)
