@@ -1,21 +1,25 @@
-"""S3 on loopback in a thread of this process, small and fast, with faults put before it."""
+"""S3 on loopback in a thread of this process, small and fast, with faults put before it.
+
+With GRASP_FACTORY_S3 the faults are put before a server of another program: see ``s3_behind``.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, MutableMapping
 from contextlib import contextmanager
+from functools import cached_property
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import parse_qs, unquote, urlsplit
 from xml.sax.saxutils import escape
 
 import pytest
+from support.s3_behind import ADDRESS, KEY_ID, SECRET, ConnectionBehind, ObjectsBehind
 
 BUCKET = "bucket"
-SECRET = "a-secret-that-appears-nowhere"
 SLOW_S = 0.05
 Fault = Callable[[str, str], str]
 """Returns what happens to a request of a method for a key: nothing (""), an HTTP status such as
@@ -25,6 +29,8 @@ Fault = Callable[[str, str], str]
 class ObjectServer:
     """A server of one bucket.
 
+    Servers at the same time share the bucket of the server behind, if there is one.
+
     Attributes:
         objects: content by key.
         fault: decides on each request; None for no faults.
@@ -32,8 +38,13 @@ class ObjectServer:
         requests: method and key of each request so far.
     """
 
+    running = 0
+
     def __init__(self) -> None:
-        self.objects: dict[str, bytes] = {}
+        self.objects: MutableMapping[str, bytes] = ObjectsBehind(BUCKET) if ADDRESS else {}
+        if not ObjectServer.running:
+            self.objects.clear()
+        ObjectServer.running += 1
         self.fault: Fault | None = None
         self.ignores_conditions = False
         self.requests: list[tuple[str, str]] = []
@@ -46,6 +57,7 @@ class ObjectServer:
 
     def close(self) -> None:
         """End the server."""
+        ObjectServer.running -= 1
         self._server.shutdown()
         self._server.server_close()
 
@@ -103,7 +115,7 @@ def make_bucket(url: str, name: str) -> None:
 def set_environment(patch: pytest.MonkeyPatch, url: str) -> None:
     """Let clients of this process and its children find the server at an address."""
     patch.setenv("AWS_ENDPOINT_URL", url)
-    patch.setenv("AWS_ACCESS_KEY_ID", "test")
+    patch.setenv("AWS_ACCESS_KEY_ID", KEY_ID)
     patch.setenv("AWS_SECRET_ACCESS_KEY", SECRET)
     patch.setenv("AWS_REGION", "us-east-1")
 
@@ -119,13 +131,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer with an object, a part of one, or a listing."""
-        self._serve(self._get)
+        self._serve(self._forward if ADDRESS else self._get)
 
     do_HEAD = do_GET
 
     def do_PUT(self) -> None:
         """Keep an object."""
-        self._serve(self._put)
+        self._serve(self._forward if ADDRESS else self._put)
 
     def _serve(self, answer: Callable[[str], None]) -> None:
         url = urlsplit(self.path)
@@ -140,10 +152,35 @@ class _Handler(BaseHTTPRequestHandler):
             self.close_connection = True
         elif what not in ("", "slow", "lost"):
             self._error(*what.split())
-        elif bucket != BUCKET:
+        elif bucket != BUCKET and not ADDRESS:
             self._error("404", "NoSuchBucket")
         else:
             answer(key)
+
+    def _forward(self, key: str) -> None:
+        if self.of.ignores_conditions and "If-None-Match" in self.headers:
+            self.of.objects.pop(key, None)
+        answer = self.behind.ask(self.command, self.path, self.headers, self.body)
+        if self.is_lost:
+            self.close_connection = True
+            return
+        self.send_response_only(answer.status)
+        length = [] if self.command == "HEAD" else [("Content-Length", str(len(answer.body)))]
+        for name, value in (*answer.headers, *length):
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(answer.body)
+
+    @cached_property
+    def behind(self) -> ConnectionBehind:
+        """The connection to the server behind."""
+        return ConnectionBehind()
+
+    def finish(self) -> None:
+        """End both connections."""
+        if ADDRESS:
+            self.behind.close()
+        super().finish()
 
     def _get(self, key: str) -> None:
         query = parse_qs(urlsplit(self.path).query)
