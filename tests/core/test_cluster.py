@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import socket
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from support.fake_cluster import FakeCluster
 from grasp_factory.core.executors import LostNode, executor_kind
 from grasp_factory.core.executors.cluster import coordinator
 from grasp_factory.core.executors.cluster.coordinator import HEARTBEAT_S, ClusterExecutor
+from grasp_factory.core.executors.cluster.ray_cluster import check_answers
 from grasp_factory.core.executors.team import Report
 from grasp_factory.errors import (
     ConfigError,
@@ -182,3 +184,13 @@ def test_a_name_that_is_none_is_refused(text: str, error: Any, message: str) -> 
     with pytest.raises(error) as caught:
         executor_kind(text)
     assert message[:20] in str(caught.value)
+
+
+def test_an_address_where_nobody_is_ends_at_once() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+        check_answers(address)
+    for name in ("", "auto"):  # Ray finds these itself
+        check_answers(name)
+    with pytest.raises(ConnectionRefusedError):
+        check_answers(address)

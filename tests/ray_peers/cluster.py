@@ -66,8 +66,10 @@ class Nodes:
         )  # fmt: skip
 
     def raylets(self) -> list[int]:
-        """Return the raylets, that of the head first."""
-        return [pid for pid, command in self._all() if command[0].endswith("/raylet/raylet")]
+        """Return the raylets, that of the head first; numbers of processes start again at 1."""
+        found = [pid for pid, command in self._all() if command[0].endswith("/raylet/raylet")]
+        order = {process.pid: k for k, process in enumerate(self._processes)}
+        return sorted(found, key=lambda pid: order.get(parent(pid), len(order)))
 
     def agents(self) -> list[int]:
         """Return the actors that are agents."""

@@ -12,6 +12,7 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numcodecs import zstd
+from numcodecs.vlen import VLenUTF8
 from support.fake_episodes import JOINTS, make_rows, small_config
 from support.places import TINY
 
@@ -19,13 +20,8 @@ from grasp_factory.core import schema
 from grasp_factory.core.place import place_at, place_of
 from grasp_factory.errors import StoreError
 from grasp_factory.writers import ZarrWriter
-from grasp_factory.writers.zarr.array_reader import (
-    ColumnFiles,
-    ShardFiles,
-    StoredArray,
-    ThroughZarr,
-    stored,
-)
+from grasp_factory.writers.zarr.array_layout import ThroughZarr, stored
+from grasp_factory.writers.zarr.array_reader import ColumnFiles, ShardFiles, StoredArray
 from grasp_factory.writers.zarr.atomic_store import AtomicStore
 from grasp_factory.writers.zarr.store import prepare_store
 
@@ -142,14 +138,15 @@ class TestDamagedBytes:
         bad = bytearray(good)
         bad[place] ^= data.draw(st.integers(1, 255))
         file.write_bytes(bad)
+        stop = data.draw(st.sampled_from((4, 8)))  # of 8 rows, both files are decoded together
         try:
-            got = mine.read(0, 4)
+            got = mine.read(0, stop)
         except StoreError as error:
             text = f"{own}: {name} of episodes 0 to 3 cannot be read: "
             assert str(error).startswith(text)
             assert "\n" not in str(error)
         else:
-            assert same(got, array[:4])
+            assert same(got, array[:stop])
         finally:
             file.write_bytes(good)
 
@@ -192,6 +189,46 @@ def test_a_chunk_that_is_too_short_is_an_error_and_not_filled_up_by_chance(own: 
             file.write_bytes(zstd.compress(bytes(size), 3))
             with pytest.raises(StoreError, match=f"a chunk of {size} bytes, valid: 96"):
                 mine.read(0, 4)
+    finally:
+        file.write_bytes(good)
+
+
+def test_a_chunk_is_not_made_whole_by_the_one_after_it(own: Path) -> None:
+    name = "episodes/grasp_position"
+    mine, _, file, good = TestDamagedBytes.open(own, name)
+    other = file.with_name("1.0")
+    rest = other.read_bytes()
+    try:
+        file.write_bytes(zstd.compress(bytes(97), 3))
+        other.write_bytes(zstd.compress(bytes(95), 3))
+        with pytest.raises(StoreError, match=r"episodes 0 to 3 .*a chunk of 97 bytes, valid: 96"):
+            mine.read(0, 8)
+        file.write_bytes(good + zstd.compress(b"", 3) + b"x")
+        with pytest.raises(StoreError, match=r"episodes 0 to 3 "):
+            mine.read(0, 8)
+    finally:
+        file.write_bytes(good)
+        other.write_bytes(rest)
+
+
+def test_words_of_one_length_are_those_that_are_read_one_by_one(own: Path) -> None:
+    name = "episodes/checksum"
+    mine, _, file, good = TestDamagedBytes.open(own, name)
+    assert isinstance(mine, ColumnFiles)
+
+    def check() -> None:
+        got = mine.read_equal_words(1, 15, 64)
+        assert [bytes(row).rstrip(b"\0").decode() for row in got] == mine.read(1, 15).tolist()
+
+    check()  # with the empty word of a quarantined row, and a missing block
+    words = mine.read(0, 4).tolist()
+    try:
+        file.write_bytes(zstd.compress(bytes(VLenUTF8().encode(np.array(words[::-1], object))), 3))
+        check()
+        words[2] = "x" * 63
+        file.write_bytes(zstd.compress(bytes(VLenUTF8().encode(np.array(words, object))), 3))
+        with pytest.raises(StoreError, match="checksum of episodes 0 to 3 cannot be read"):
+            check()
     finally:
         file.write_bytes(good)
 

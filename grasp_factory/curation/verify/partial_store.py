@@ -17,7 +17,8 @@ from grasp_factory.curation.verify.length import most_rows, number_of_rows
 from grasp_factory.curation.verify.problems import Problem
 from grasp_factory.dataset.row_integrity import digested_paths
 from grasp_factory.errors import StoreError
-from grasp_factory.writers.zarr.array_reader import StoredArray, stored
+from grasp_factory.writers.zarr.array_layout import stored
+from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.budgets import check_arrays
 from grasp_factory.writers.zarr.header import SOURCES, open_array, open_store, place_in
 from grasp_factory.writers.zarr.made_of_export import arrays_not_held

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
@@ -10,20 +9,12 @@ from typing import Any
 import numpy as np
 import zarr
 from numpy.typing import NDArray
-from zarr.codecs import (
-    BytesCodec,
-    Crc32cCodec,
-    ShardingCodec,
-    VLenUTF8Codec,
-    ZstdCodec,
-)
-from zarr.core.chunk_key_encodings import V2ChunkKeyEncoding
-from zarr.core.metadata import ArrayV3Metadata
 
 from grasp_factory.core.limits import CHUNK
 from grasp_factory.errors import NO_DAMAGE, StoreError
+from grasp_factory.writers.zarr.chunk_runs import runs, unpack_run, unpack_run_of_equal_words
 from grasp_factory.writers.zarr.chunks import ShardFile, unpack, unpack_equal_words, unpack_words
-from grasp_factory.writers.zarr.header import first_line, place_in, read_array
+from grasp_factory.writers.zarr.header import first_line, place_in
 
 
 class StoredArray(ABC):
@@ -86,70 +77,6 @@ def by_block(rows: NDArray[np.int64], block_size: int) -> list[NDArray[np.intp]]
     return sorted(groups, key=lambda group: int(group[0]))
 
 
-_LITTLE = BytesCodec(endian="little")
-_NUMBERS = (BytesCodec(endian=None), _LITTLE)
-_SHARD = ShardingCodec(
-    chunk_shape=(1,), index_codecs=(_LITTLE, Crc32cCodec()), index_location="end"
-)
-"""Codecs to compare with. Their settings are enums in zarr 3.1, and strings in newer versions."""
-
-
-def stored(array: zarr.Array[Any]) -> StoredArray:
-    """Return the fastest reader for an array."""
-    metadata, shape = array.metadata, array.shape
-    if not isinstance(metadata, ArrayV3Metadata) or not _has_our_keys(metadata):
-        return ThroughZarr(array)
-    match metadata.codecs:
-        case (BytesCodec() | VLenUTF8Codec() as values, ZstdCodec()) if (
-            values in _NUMBERS or isinstance(values, VLenUTF8Codec)
-        ) and array.chunks[1:] == shape[1:]:
-            return ColumnFiles(array)
-        case (ShardingCodec(codecs=(BytesCodec() as values, ZstdCodec())) as shard,) if (
-            values in _NUMBERS
-            and _index(shard) == _index(_SHARD)
-            and array.shards
-            and array.shards[1:] == shape[1:]
-            and _has_whole_pieces(array)
-        ):
-            return ShardFiles(array)
-    return ThroughZarr(array)
-
-
-def _index(shard: ShardingCodec) -> tuple[Any, Any]:
-    """Return how the index of a shard is stored, and where."""
-    return shard.index_codecs, shard.index_location
-
-
-def _has_our_keys(metadata: ArrayV3Metadata) -> bool:
-    """Return whether chunks have this package's names, and numbers this machine's byte order."""
-    keys = metadata.chunk_key_encoding
-    return sys.byteorder == "little" and keys == V2ChunkKeyEncoding(separator=".")
-
-
-def _has_whole_pieces(array: zarr.Array[Any]) -> bool:
-    """Return whether a chunk is an episode's values, or those of one of its frames."""
-    return array.chunks in [(1, *array.shape[1:]), (1, 1, *array.shape[2:])]
-
-
-class ThroughZarr(StoredArray):
-    """Reads any layout, such as that of a store which another tool has rewritten."""
-
-    def read(self, start: int, stop: int) -> NDArray[Any]:
-        """See ``StoredArray.read``."""
-        values = read_array(self.zarr, slice(start, stop))
-        if len(values) != stop - start:
-            what = f"{self.zarr.path} has {self.zarr.shape[0]} rows, and no row {stop - 1}"
-            raise StoreError(f"{self.zarr.store} is damaged, or growing just now: {what}")
-        return values
-
-    def read_frames(self, rows: Sequence[int], frame: int) -> NDArray[Any]:
-        """See ``StoredArray.read_frames``."""
-        out = np.empty((len(rows), *self.zarr.shape[2:]), self.zarr.dtype)
-        for k, row in enumerate(rows):
-            out[k] = read_array(self.zarr, slice(row, row + 1), frame)[0]
-        return out
-
-
 class _OurFiles(StoredArray, ABC):
     """Files of a fixed number of rows, named by number with a 0 for each further dimension."""
 
@@ -196,10 +123,34 @@ class ColumnFiles(_OurFiles):
         self._is_text = array.dtype.kind == "T"
         self._chunk = array.chunks
 
-    def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
+    def read(self, start: int, stop: int) -> NDArray[Any]:
+        """See ``StoredArray.read``. Whole files of numbers are decoded many at a time."""
+        size = self._file_rows
+        first, last = -(-start // size), stop // size
+        if self._is_text or last - first < 2:
+            return super().read(start, stop)
+        out = np.full((stop - start, *self._shape), self._fill, self._dtype)
+        out[: first * size - start] = super().read(start, first * size)
+        out[last * size - start :] = super().read(last * size, stop)
+        for file, chunks in runs(range(first, last), self._whole_content):
+            row, end = file * size, (file + len(chunks)) * size
+            rows = out[row - start : end - start]
+            try:
+                unpack_run(chunks, rows)
+            except Exception:  # one after another, which names the rows of a damaged one
+                rows[...] = super().read(row, end)
+        return out
+
+    def _content(self, file: int) -> bytes | None:
+        """Return the content of a file; None if it is missing."""
         try:
-            data = self._folder.read_file(self._name(file), CHUNK)
+            return self._folder.read_file(self._name(file), CHUNK)
         except FileNotFoundError:
+            return None
+
+    def _read_file(self, file: int, first: int, out: NDArray[Any]) -> None:
+        data = self._content(file)
+        if data is None:
             out[...] = self._fill
             return
         if self._is_text:
@@ -217,17 +168,33 @@ class ColumnFiles(_OurFiles):
         """
         size, count = self._file_rows, self._chunk[0]
         out = np.zeros((stop - start, width), np.uint8)
-        for file in range(start // size, -(-stop // size)):
-            first, last = max(start, file * size), min(stop, (file + 1) * size)
+        for file, chunks in runs(range(start // size, -(-stop // size)), self._whole_content):
             try:
-                data = self._folder.read_file(self._name(file), CHUNK)
-                words = unpack_equal_words(data, count, width)
-            except FileNotFoundError:
-                continue
-            except Exception as error:
-                raise self._named(error, first, last) from None
-            out[first - start : last - start] = words[first - file * size : last - file * size]
+                words = unpack_run_of_equal_words(chunks, count, width)
+            except Exception:
+                words = np.concatenate(
+                    [self._equal_words(file + k, chunk, width) for k, chunk in enumerate(chunks)]
+                )
+            row = file * size
+            first, last = max(start, row), min(stop, row + len(words))
+            out[first - start : last - start] = words[first - row : last - row]
         return out
+
+    def _equal_words(self, file: int, chunk: bytes, width: int) -> NDArray[np.uint8]:
+        try:
+            return unpack_equal_words(chunk, self._chunk[0], width)
+        except Exception as error:
+            raise self._of_file(error, file) from None
+
+    def _whole_content(self, file: int) -> bytes | None:
+        try:
+            return self._content(file)
+        except Exception as error:
+            raise self._of_file(error, file) from None
+
+    def _of_file(self, error: Exception, file: int) -> Exception:
+        """Return the error to raise for all rows of a file."""
+        return self._named(error, file * self._file_rows, (file + 1) * self._file_rows)
 
 
 class ShardFiles(_OurFiles):

@@ -26,7 +26,7 @@ _MOST_HEADER_BYTES = 18
 """Of a frame (RFC 8878, 3.1.1)."""
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 VLEN = VLenUTF8()
-_COUNT_BYTES = 4
+COUNT_BYTES = 4
 """Bytes of the number of words of a chunk, and of each word's number of bytes."""
 MOST_BYTES = 64 * 2**20
 """Largest content of a chunk of words that is decoded."""
@@ -38,7 +38,7 @@ def most_bytes_of_words(count: int) -> int:
     This package writes names, and recipes of up to 20 kB. NumPy's strings of fixed length take
     four bytes for each character, so long words cost a reader much more than their bytes.
     """
-    return min(MOST_BYTES, _COUNT_BYTES + count * (_COUNT_BYTES + WORD.most))
+    return min(MOST_BYTES, COUNT_BYTES + count * (COUNT_BYTES + WORD.most))
 
 
 def unpack(data: bytes | memoryview, out: NDArray[Any]) -> None:
@@ -72,16 +72,16 @@ def unpack_equal_words(data: bytes, count: int, width: int) -> NDArray[np.uint8]
         ValueError: if a word that is not empty has another number of bytes than ``width``.
     """
     size = content_size(data)
-    if size is None or size > _COUNT_BYTES + count * (_COUNT_BYTES + width):
+    if size is None or size > COUNT_BYTES + count * (COUNT_BYTES + width):
         raise ValueError(f"a chunk of {size or 'unknown'} bytes, valid: {count} words of {width}")
     content = zstd.decompress(data)
-    if int.from_bytes(content[:_COUNT_BYTES], "little") != count:
+    if int.from_bytes(content[:COUNT_BYTES], "little") != count:
         raise ValueError(f"a chunk of another number of words than {count}")
     out = np.zeros((count, width), np.uint8)
-    if len(content) == _COUNT_BYTES + count * (_COUNT_BYTES + width):
-        table = np.frombuffer(content, np.uint8, offset=_COUNT_BYTES).reshape(count, -1)
-        if (table[:, :_COUNT_BYTES].copy().view("<u4") == width).all():
-            out[...] = table[:, _COUNT_BYTES:]
+    if len(content) == COUNT_BYTES + count * (COUNT_BYTES + width):
+        table = np.frombuffer(content, np.uint8, offset=COUNT_BYTES).reshape(count, -1)
+        if (table[:, :COUNT_BYTES].copy().view("<u4") == width).all():
+            out[...] = table[:, COUNT_BYTES:]
             return out
     for row, word in zip(out, VLEN.decode(content), strict=True):
         if word:

@@ -13,7 +13,8 @@ from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.field import Field
 from grasp_factory.core.limits import DOCUMENT
 from grasp_factory.errors import StoreError, shown
-from grasp_factory.writers.zarr.array_reader import StoredArray, stored
+from grasp_factory.writers.zarr.array_layout import stored
+from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.budgets import check_arrays
 from grasp_factory.writers.zarr.header import open_array, place_in
 

@@ -12,6 +12,7 @@ import queue
 import secrets
 import shutil
 import signal
+import socket
 import sys
 import tempfile
 import threading
@@ -37,6 +38,7 @@ _QUIET = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": 
 _LOOPBACK_ONLY = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 """Without it Ray takes the machine's outer address for 127.0.0.1, and listens there."""
 _LONGEST_WHY = 200
+CONNECT_S = 10.0
 
 
 class NodeActor:
@@ -81,6 +83,7 @@ class RayCluster(Transport):
         self._ids: dict[str, str] = {}
         self._answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
         try:
+            check_answers(address)
             with _own_signals():
                 ray.init(**_options(address))
             if not address:
@@ -156,6 +159,17 @@ def _options(address: str) -> dict[str, Any]:
     if address:
         return {"address": address, **more}
     return {"_node_ip_address": LOOPBACK, "include_dashboard": False, **more}
+
+
+def check_answers(address: str) -> None:
+    """Check that somebody is at HOST:PORT, where Ray itself would wait for many minutes.
+
+    Raises:
+        OSError: if nobody is.
+    """
+    host, _, port = address.rpartition(":")
+    if host and port.isdecimal():
+        socket.create_connection((host.strip("[]"), int(port)), CONNECT_S).close()
 
 
 def _check_loopback(nodes: Sequence[Mapping[str, Any]]) -> None:
