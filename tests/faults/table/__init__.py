@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from faults.fault import Fault
-from faults.table import apps, capture, making, objects, recordings, robots, simulation, stores
+from faults.table import (
+    apps,
+    capture,
+    far_away,
+    making,
+    objects,
+    recordings,
+    robots,
+    simulation,
+    stores,
+)
 
 FAULTS: tuple[Fault, ...] = (
     *robots.FAULTS,
@@ -11,6 +21,7 @@ FAULTS: tuple[Fault, ...] = (
     *objects.FAULTS,
     *simulation.FAULTS,
     *stores.FAULTS,
+    *far_away.FAULTS,
     *making.FAULTS,
     *apps.FAULTS,
     *capture.FAULTS,
