@@ -93,6 +93,9 @@ IMPORT_CPU = Limit(
     "import-seconds", 3600, "the CPU time of an import", is_count=True, source="file"
 )
 BAG_TOPICS = Limit("bag-topics", 2000, "a number of topics", is_count=True, source="bag")
+BAG_RECORDS = Limit(
+    "bag-records", 200_000, "a number of records after the messages", is_count=True, source="bag"
+)
 BAG_TEXTS = Limit("bag-texts", 2**19, "descriptions of topics and messages", source="bag")
 BAG_MESSAGE = Limit("bag-message", 128 * 2**10, "the definition of a message", source="bag")
 SESSION_MEMORY = Limit(
@@ -143,6 +146,7 @@ LIMITS = {
         IMPORT_FILE,
         IMPORT_CPU,
         BAG_TOPICS,
+        BAG_RECORDS,
         BAG_TEXTS,
         BAG_MESSAGE,
         SESSION_MEMORY,

@@ -8,6 +8,7 @@ import multiprocessing
 import os
 import signal
 import sqlite3
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -293,6 +294,17 @@ def test_what_a_bag_says_of_its_topics_is_bounded_before_it_is_parsed(
 ) -> None:
     with pytest.raises(LimitError, match=words):
         list_topics(described(tmp_path / "b.mcap", topics, definition, qos))
+
+
+def test_records_without_end_after_the_messages_of_a_bag_are_refused(tmp_path: Path) -> None:
+    file = described(tmp_path / "b.mcap", 1, "float64 x")
+    content, footer = file.read_bytes(), struct.Struct("<BQQQI8s")
+    kind, length, start, _, _, magic = footer.unpack(content[-footer.size :])
+    empty = struct.pack("<BQ", 0x80, 0) * 200_000
+    end = footer.pack(kind, length, start, 0, 0, magic)
+    file.write_bytes(content[: -footer.size] + empty + end)
+    with pytest.raises(LimitError, match=r"a number of records after the messages of 200,001"):
+        list_topics(file)
 
 
 def test_a_folder_with_much_in_its_metadata_is_refused(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 from mcap.opcode import Opcode
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
 
-from grasp_factory.core.limits import BAG_MESSAGE, BAG_TEXTS, BAG_TOPICS
+from grasp_factory.core.limits import BAG_MESSAGE, BAG_RECORDS, BAG_TEXTS, BAG_TOPICS
 from grasp_factory.errors import shown
 
 METADATA = "metadata.yaml"
@@ -37,10 +37,14 @@ def check_texts(bag: Path, suffix: str) -> None:
     if not suffix:
         BAG_TEXTS.check((bag / METADATA).stat().st_size, bag / METADATA)
     for part in [bag] if suffix == ".mcap" else sorted(bag.glob("*.mcap")):
+        topics = texts = 0
         with part.open("rb") as file:
-            sizes = [size for opcode, size in _summary(file) if opcode == Opcode.CHANNEL]
-        BAG_TOPICS.check(len(sizes), part)
-        BAG_TEXTS.check(sum(sizes), part)
+            for count, (opcode, size) in enumerate(_summary(file), 1):
+                BAG_RECORDS.check(count, part)
+                if opcode == Opcode.CHANNEL:
+                    topics, texts = topics + 1, texts + size
+                    BAG_TOPICS.check(topics, part)
+                    BAG_TEXTS.check(texts, part)
 
 
 def _summary(file: BinaryIO) -> Iterator[tuple[int, int]]:
