@@ -152,7 +152,7 @@ def _format_text(exporter: Exporter) -> str:
 def _contents_lines(contents: ExportContents) -> list[str]:
     return [
         f"has: {', '.join(contents.written) or 'nothing but the record of the episodes'}",
-        *(f"leaves out: {what}, because {why}" for what, why in contents.left_out.items()),
+        *(f"leaves out: {what}, because {why}" for what, why in contents.shown_left_out().items()),
         *(f"{case}: {what}" for case, what in contents.treatment.items()),
     ]
 

@@ -126,7 +126,8 @@ def export_formats() -> str:
     rows = []
     for exporter in EXPORTERS.values():
         extra = f"`{exporter.extra}`" if exporter.extra else ""
-        lacks = _list(list(exporter.contents.left_out)) or "nothing"
+        lacks = _list(list(exporter.contents.shown_left_out())) or "nothing"
+        lacks = lacks.replace("`other ", "other `")
         back = "yes" if exporter.read_back else ""
         rows.append((f"`{exporter.name}`", exporter.description, lacks, extra, back))
     return table(("format", "content", "leaves out", "extra", "import"), rows)

@@ -42,6 +42,7 @@ def test_it_lists_the_formats_with_what_each_leaves_out_and_why(run: Run) -> Non
     assert code == 0
     assert f"lines: {LINES.description}\n  options: digits=3\n" in out
     assert "  leaves out: *, because a line holds the row and the lift\n" in out
+    assert "  leaves out: other streams/*, because no file of the layout is for the sensor" in out
     assert "  no attempt: the episode is left out" in out
     _, out, _ = run("export", "--list", "--json")
     found = json.loads(out)["lines"]

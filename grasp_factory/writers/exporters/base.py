@@ -45,6 +45,13 @@ class ExportContents:
     treatment: Mapping[str, str] = field(default_factory=dict)
     """What the format does with NaN, episodes without a grasp and other special cases."""
 
+    def shown_left_out(self) -> dict[str, str]:
+        """Return ``left_out`` for people: ``other streams/*`` where some of them are written."""
+        return {
+            f"other {name}" if any(fnmatchcase(each, name) for each in self.written) else name: why
+            for name, why in self.left_out.items()
+        }
+
     def not_mentioned(self, fields: Iterable[Field]) -> list[str]:
         """Return the images and time series that are neither written nor left out for a reason."""
         names = (*self.written, *self.left_out)
