@@ -4,19 +4,16 @@
 
 from __future__ import annotations
 
-import os
 import secrets
-import sys
 import threading
-import webbrowser
 from contextlib import ExitStack
 from pathlib import Path
 
 import click
 
+from grasp_factory.cli.page_serving import serve_until_ctrl_c
 from grasp_factory.cli.params import STORE_PATH, Command, option
 from grasp_factory.cli.printing import say
-from grasp_factory.errors import Terminated
 
 
 @click.command(
@@ -92,25 +89,5 @@ def browse(
             what = f"everybody who can connect to {host} can see the data"
             more = "" if read_only else "; everybody with the link can add tags"
             say(f"Warning: {what}{more}", err=True)
-        say(url)
-        sys.stdout.flush()
         threading.Thread(target=thumbnails.prune, daemon=True).start()
-        if not no_open and _has_screen():
-            webbrowser.open(url)
-        _wait_for_ctrl_c()
-
-
-def _wait_for_ctrl_c() -> None:
-    try:
-        threading.Event().wait()
-    except Terminated:
-        raise
-    except KeyboardInterrupt:
-        return
-
-
-def _has_screen() -> bool:
-    """Return whether there is a screen; without one, a text browser would take the terminal."""
-    return sys.platform == "darwin" or bool(
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
+        serve_until_ctrl_c(url, no_open=no_open)

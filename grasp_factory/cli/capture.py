@@ -12,6 +12,7 @@ import click
 from grasp_factory.cli.capture_blur import blur
 from grasp_factory.cli.capture_check import check
 from grasp_factory.cli.capture_collect import collect, topics
+from grasp_factory.cli.capture_cut import cut
 from grasp_factory.cli.capture_demo import capture_demo
 from grasp_factory.cli.capture_devices import devices
 from grasp_factory.cli.capture_import import capture_import
@@ -23,7 +24,7 @@ from grasp_factory.cli.params import Commands
 CAPTURE_COMMANDS: Mapping[str, tuple[click.Command, ...]] = {
     "Record a session": (capture_run, capture_demo, devices),
     "Check and protect a session": (capture_info, check, capture_recover, blur),
-    "Make a store": (capture_import,),
+    "Make a store": (cut, capture_import),
     "Use topics of ROS 2": (topics, publish, collect),
 }
 """Heading in the help to subcommands."""

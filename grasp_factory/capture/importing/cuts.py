@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,8 +19,10 @@ from grasp_factory.errors import CaptureError, UsageError, shown
 
 MARK, LABEL = "mark", "label"
 """Events: two marks are a start and an end; a label has ``outcome``."""
-_MOST_BYTES = 10_000_000
+_MOST_CHARACTERS = 10_000_000
 _COLUMNS = ("start", "end", "outcome")
+_LATEST_S = 1e7
+_VALID = "start and end in seconds, start first, and an outcome such as success or nothing"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,16 +61,26 @@ def cuts_of(
         found = _by_gripper(closings, span_ns, settings)
     else:
         found = _by_events(events, span_ns)
-    for before, after in itertools.pairwise(found):
-        if after.start_ns <= before.end_ns:
-            at = (after.start_ns - span_ns[0]) / 1e9
-            raise CaptureError(f"the episode from {at:.3f} s on begins before the last one ends")
+    check_apart(found, span_ns[0])
     if not found:
         raise CaptureError(
             f"no episode was found by {settings.cut.name.lower()}; valid: --cut events, --cut"
             " gripper, or --cuts FILE with start,end in seconds from the session's start"
         )
     return tuple(found)
+
+
+def check_apart(cuts: Sequence[Cut], origin_ns: int) -> None:
+    """Raise CaptureError if one of some episodes in their order begins before the last one ends.
+
+    Args:
+        cuts: the episodes.
+        origin_ns: the session's start on their clock.
+    """
+    for before, after in itertools.pairwise(cuts):
+        if after.start_ns <= before.end_ns:
+            at = (after.start_ns - origin_ns) / 1e9
+            raise CaptureError(f"the episode from {at:.3f} s on begins before the last one ends")
 
 
 def _by_events(events: Sequence[RecordedEvent], span_ns: tuple[int, int]) -> list[Cut]:
@@ -111,18 +122,49 @@ def read_cuts(file: Path) -> tuple[Cut, ...]:
     Raises:
         UsageError: if it cannot be read, naming the line that is wrong.
     """
+    return parsed_cuts(read_text(file), f"--cuts {file}")
+
+
+def read_text(file: Path) -> str:
+    """Return the content of a file of cuts.
+
+    Raises:
+        UsageError: if it cannot be read, or is too large.
+    """
     try:
-        with os.fdopen(open_regular(file, os.O_RDONLY), encoding="utf-8") as stream:
-            text = stream.read(_MOST_BYTES + 1)
+        with os.fdopen(open_regular(file, os.O_RDONLY), encoding="utf-8", newline="") as stream:
+            text = stream.read(_MOST_CHARACTERS + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"--cuts {file} cannot be read: {error}") from None
+    if len(text) > _MOST_CHARACTERS:
+        raise UsageError(f"--cuts {file} has more than {_MOST_CHARACTERS:,} characters")
+    return text
+
+
+def parsed_cuts(text: str, source: str) -> tuple[Cut, ...]:
+    """Return the episodes of a text of CSV; see ``read_cuts``.
+
+    Args:
+        text: its content.
+        source: where it comes from, for messages.
+
+    Raises:
+        UsageError: naming the line that is wrong.
+    """
     try:
-        head, *rows = list(csv.reader(text[:_MOST_BYTES].splitlines())) or [[]]
+        head, *rows = list(csv.reader(text.splitlines())) or [[]]
     except csv.Error as error:
-        raise UsageError(f"--cuts {file} cannot be read: {error}") from None
+        raise UsageError(f"{source} cannot be read: {error}") from None
     if tuple(head) not in (_COLUMNS[:2], _COLUMNS):
-        raise UsageError(f"--cuts {file}: line 1: got {shown(head)}, valid: {','.join(_COLUMNS)}")
-    return tuple(_listed(file, number, row) for number, row in enumerate(rows, 2) if row)
+        raise UsageError(f"{source}: line 1: got {shown(head)}, valid: {','.join(_COLUMNS)}")
+    return tuple(_listed(source, number, row) for number, row in enumerate(rows, 2) if row)
+
+
+def cuts_text(cuts: Sequence[Cut]) -> str:
+    """Return the CSV of episodes whose times are ns from the session's start; times to 1 ms."""
+    lines = [",".join(_COLUMNS)]
+    lines += [f"{cut.start_ns / 1e9:.3f},{cut.end_ns / 1e9:.3f},{cut.outcome}" for cut in cuts]
+    return "\n".join(lines) + "\n"
 
 
 def shifted(cuts: Sequence[Cut], start_ns: int) -> tuple[Cut, ...]:
@@ -132,15 +174,28 @@ def shifted(cuts: Sequence[Cut], start_ns: int) -> tuple[Cut, ...]:
     )
 
 
-def _listed(file: Path, number: int, row: list[str]) -> Cut:
+def cut_of(start_s: float, end_s: float, outcome: str, source: str) -> Cut:
+    """Return an episode of a list, in ns from the session's start.
+
+    Args:
+        start_s: its start, s from the session's start.
+        end_s: its end.
+        outcome: its name, or nothing.
+        source: where it comes from, for messages.
+
+    Raises:
+        UsageError: if it cannot be one.
+    """
+    if not (0.0 <= start_s < end_s <= _LATEST_S and (not outcome or outcome in names(Outcome))):
+        got = shown([start_s, end_s, outcome])
+        raise UsageError(f"{source}: got {got}, valid: {_VALID}")
+    return Cut(start_ns=round(start_s * 1e9), end_ns=round(end_s * 1e9), outcome=outcome)
+
+
+def _listed(source: str, number: int, row: list[str]) -> Cut:
+    where = f"{source}: line {number}"
     try:
         start, end = (float(word) for word in row[:2])
-        outcome = row[2].strip() if len(row) > 2 else ""
     except ValueError:
-        start = end = math.nan
-        outcome = ""
-    is_known = not outcome or outcome in names(Outcome)
-    if not (0.0 <= start < end <= 1e7 and is_known):
-        valid = "start and end in seconds, start first, and an outcome such as success or nothing"
-        raise UsageError(f"--cuts {file}: line {number}: got {shown(row)}, valid: {valid}")
-    return Cut(start_ns=round(start * 1e9), end_ns=round(end * 1e9), outcome=outcome)
+        raise UsageError(f"{where}: got {shown(row)}, valid: {_VALID}") from None
+    return cut_of(start, end, row[2].strip() if len(row) > 2 else "", where)
