@@ -128,7 +128,9 @@ def check_signature(
     here = _files(place)
     signed, missing = _signed(io.BytesIO(text), here)
     if signed is None:
-        return SignatureReport(files=0, problems=("its list of files is none of sha256sum",))
+        return SignatureReport(
+            files=0, problems=("its list of files is not in the form of sha256sum",)
+        )
     known = {name: file for name, file in here.items() if name in signed}
     digests = dict(_digests(known, on_start, on_file))
     changed = [name for name, digest in digests.items() if digest != signed[name]]
@@ -146,7 +148,7 @@ def _signed(
 ) -> tuple[dict[str, str] | None, list[str]]:
     """Return the digests of files that are here by name, and the names of the first others.
 
-    The digests are None if a line is none of ``sha256sum``. The maker of a list may have put
+    The digests are None if a line is not in the form of ``sha256sum``. The maker of a list may have put
     millions of names in it.
     """
     digests: dict[str, str] = {}

@@ -63,7 +63,7 @@ OWNERS = {
     "pyarrow": {"writers/exporters/lerobot"},
     "pandas": {"dataset/pandas_table.py", "dataset/dataset.py"},
     "av": {"writers/exporters/lerobot"},
-    "flask": {"apps/browse", "apps/session_page"},
+    "flask": {"apps/browse", "apps/cutting_page", "apps/session_page"},
     "waitress": {"apps/browse"},
     "werkzeug": {"apps/browse"},
     "matplotlib": {

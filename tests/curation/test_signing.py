@@ -203,7 +203,7 @@ def test_a_list_of_other_lines_is_refused_whoever_signed_it(
     signed: Path, keys: Path, line: str
 ) -> None:
     _signed_again(signed, keys, line * 3)
-    assert problems(signed, keys) == ("its list of files is none of sha256sum",)
+    assert problems(signed, keys) == ("its list of files is not in the form of sha256sum",)
 
 
 def test_a_list_of_many_names_is_not_kept(signed: Path, keys: Path) -> None:

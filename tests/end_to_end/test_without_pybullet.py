@@ -84,7 +84,8 @@ SIMULATES: Mapping[str, tuple[str, ...]] = {
 SIMULATORS = (
     *("simulation.", "apps.active_learning", "apps.physics_check", "apps.pictures.preview"),
     *(f"apps.conformance.{kind}_checks" for kind in ("robot", "object_set", "sensor")),
-    *("apps.playback.clip", "apps.playback.playback", "cli.run_progress", "curation.replay"),
+    *("apps.playback.clip", "apps.playback.playback", "apps.playback.video_process"),
+    *("cli.run_progress", "curation.replay"),
     *("factory.block_maker", "factory.dry_run", "factory.generate", "factory.dry_run_pilots"),
     *("factory.node_check", "factory.platform_check"),
 )

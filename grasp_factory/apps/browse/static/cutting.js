@@ -51,7 +51,7 @@ function makePage(session) {
       'div',
       { class: 'page page-cut' },
       h('h1', { class: 'visually-hidden' }, 'Cut a session into episodes'),
-      h('section', { class: 'panel', 'aria-label': 'Episodes' }, h('div', { class: 'row' }, said, h('span', { class: 'grow' }), save), next),
+      h('section', { class: 'panel cut-head', 'aria-label': 'Episodes' }, h('div', { class: 'row' }, said, h('span', { class: 'grow' }), save), next),
       pictures.node,
       h(
         'section',
