@@ -148,8 +148,8 @@ def _signed(
 ) -> tuple[dict[str, str] | None, list[str]]:
     """Return the digests of files that are here by name, and the names of the first others.
 
-    The digests are None if a line is not in the form of ``sha256sum``. The maker of a list may have put
-    millions of names in it.
+    The digests are None if a line is not in the form of ``sha256sum``. The maker of a list may have
+    put millions of names in it.
     """
     digests: dict[str, str] = {}
     missing: list[str] = []
