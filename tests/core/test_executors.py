@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+from multiprocessing import spawn
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ from grasp_factory.core.executors import (
     process_start,
 )
 from grasp_factory.core.executors.limited import ProcessLimits
+from grasp_factory.core.executors.team import MOST_UNSTARTED
 from grasp_factory.errors import RecipeError, WorkerError
 
 ROOT = TESTS.parent
@@ -134,6 +137,20 @@ from support import fake_blocks
 from grasp_factory.core.executors import ProcessExecutor
 ProcessExecutor(2).run(fake_blocks.square, [0, 1], print)
 """
+
+
+@pytest.mark.parametrize("failures", [2, 100])
+def test_a_worker_that_the_system_cannot_start_is_started_again(
+    monkeypatch: pytest.MonkeyPatch, failures: int
+) -> None:
+    real = spawn.get_executable()
+    names = itertools.chain(itertools.repeat(b"/nowhere/python", failures), itertools.repeat(real))
+    monkeypatch.setattr(spawn, "get_executable", lambda: next(names))
+    if failures > MOST_UNSTARTED:
+        with pytest.raises(WorkerError, match="exit code 255"):
+            ProcessExecutor(2).run(blocks.square, [3], ignore)
+    else:
+        assert ProcessExecutor(2).run(blocks.square, [3, 4], ignore) == [9, 16]
 
 
 def test_a_script_without_its_main_guard_is_told_of_it(tmp_path: Path) -> None:

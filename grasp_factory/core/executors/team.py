@@ -22,6 +22,11 @@ from grasp_factory.errors import WorkerError
 JOBS_PER_PROCESS = 32
 """A worker is replaced after this many jobs: PyBullet's memory grows slowly over resets."""
 
+MOST_UNSTARTED = 3
+"""Workers that the system could not start and that are started again: their jobs never began."""
+
+_NOT_STARTED = 255
+"""Exit code of a process that could not become a Python."""
 _SPAWN = multiprocessing.get_context("spawn")
 _OVERSLEPT_S = 5.0
 """Seconds of delay after which this process assumes that it and its workers were suspended."""
@@ -50,6 +55,7 @@ class Team:
     ) -> None:
         self._task, self._silence, self._workers = task, silence, workers
         self._jobs_per_process = jobs_per_process
+        self._unstarted = 0
         self._busy: dict[Any, _Worker] = {}
         self._idle: list[_Worker] = []
 
@@ -76,7 +82,8 @@ class Team:
             others: connections, with at least one of them if no worker has a job.
             wait_s: seconds after which it returns without any.
         """
-        return [self._hear(worker) for worker in _wait(self._busy, others, wait_s)]
+        heard = [self._hear(worker) for worker in _wait(self._busy, others, wait_s)]
+        return [report for report in heard if report]
 
     def close(self) -> None:
         """End all workers."""
@@ -87,11 +94,15 @@ class Team:
             worker.stop()
         self._busy, self._idle = {}, []
 
-    def _hear(self, worker: _Worker) -> Report:
+    def _hear(self, worker: _Worker) -> Report | None:
         try:
             kind, value = worker.receive()
         except _LostError as lost:
             del self._busy[worker.pipe]
+            if worker.is_unstarted and self._unstarted < MOST_UNSTARTED:
+                self._unstarted += 1
+                self.give(worker.place, worker.job)
+                return None
             return Report("lost", worker.place, str(lost))
         if kind == "result":
             del self._busy[worker.pipe]
@@ -123,6 +134,11 @@ class _Worker:
     """Seconds that it may be silent."""
     since: float = 0.0
     """When it was last heard, on the monotonic clock."""
+
+    @property
+    def is_unstarted(self) -> bool:
+        """Whether the system could not start its process."""
+        return not self.heard and self.process.exitcode == _NOT_STARTED
 
     def give(self, place: int, job: Any) -> None:
         self.place, self.job = place, job
