@@ -82,11 +82,11 @@ class Nodes:
 
     def node_of(self, raylet: int) -> list[int]:
         """Return all processes of a node but for those of the cluster's head."""
-        found, todo = [], [raylet]
-        while todo:
-            found.append(pid := todo.pop())
-            todo += [other for other, _ in self._all() if parent(other) == pid]
-        return found
+        return descendants(raylet)
+
+    def pids(self) -> list[int]:
+        """Return all processes of the cluster and of its users."""
+        return [pid for pid, _ in self._all()]
 
     def _all(self) -> list[tuple[int, list[str]]]:
         mine = self.environment["RAY_AUTH_TOKEN"].encode()
@@ -114,6 +114,19 @@ def parent(pid: int) -> int:
     with contextlib.suppress(OSError):
         return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
     return 0
+
+
+def descendants(pid: int) -> list[int]:
+    """Return a process, its children, their children, and so on."""
+    children: dict[int, list[int]] = {}
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdecimal():
+            children.setdefault(parent(int(folder.name)), []).append(int(folder.name))
+    found, todo = [], [pid]
+    while todo:
+        found.append(one := todo.pop())
+        todo += children.get(one, [])
+    return found
 
 
 def send(pid: int, number: int) -> None:
