@@ -17,6 +17,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from grasp_factory.core.executors.cluster.agent import Agent
@@ -63,7 +64,7 @@ class RayCluster(Transport):
         Args:
             address: of a running cluster, HOST:PORT or ``auto`` for the one of this machine; empty
                 to start Ray here for this run. It then listens on loopback only, and asks for a
-                token that only this run knows.
+                token that only this process knows, or that of RAY_AUTH_TOKEN.
 
         Raises:
             MissingLibraryError: if Ray is not installed.
@@ -74,7 +75,7 @@ class RayCluster(Transport):
         self._folder = "" if address else tempfile.mkdtemp(prefix="ray-")
         self._before = dict(os.environ)
         if not address:
-            token = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
+            token = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": _own_token()}
             os.environ.update({**token, **_LOOPBACK_ONLY, "RAY_TMPDIR": self._folder})
         import ray  # noqa: PLC0415 -- it reads the variables when it is imported
 
@@ -152,6 +153,12 @@ class RayCluster(Transport):
                 os.environ[name] = self._before[name]
         if self._folder:
             shutil.rmtree(self._folder, ignore_errors=True)
+
+
+@cache
+def _own_token() -> str:
+    """Return the token of the clusters that this process starts: Ray reads it only once."""
+    return os.environ.get("RAY_AUTH_TOKEN") or secrets.token_hex(32)
 
 
 def _options(address: str) -> dict[str, Any]:
