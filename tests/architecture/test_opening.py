@@ -115,6 +115,7 @@ OPENS: Mapping[str, str] = {
     "writers/zarr/lock.py": "a store's own folder",
     "core/executors/cluster/ray_cluster.py": "a temporary folder of Ray",
     "core/disk_usage.py": "facts of files; none is opened",
+    "core/object_storage/bounded_answer.py": "the memory of this process",
     "core/plugins/plugin_sources.py": "code of the user, a file that the user names",
     "core/plugins/entry_points.py": "installed packages",
     "writers/zarr/header.py": "a store whose files ``core/place.py`` opens",

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from grasp_factory.core.limits import DOCUMENT, LISTED, OBJECT, Limit
+from grasp_factory.core.object_storage import bounded_answer
 from grasp_factory.core.object_storage import client as clients
 from grasp_factory.core.object_storage import objects as reading
 from grasp_factory.core.object_storage.address import RemotePath, is_remote, store_path
@@ -94,6 +95,7 @@ class Liar:
                 peer.sendall(self._answer)
                 for _ in range(64 if self._then else 0):
                     peer.sendall(self._then)
+                peer.recv(1 if self._then else 0)  # until the other end closes it
         except OSError:
             pass
 
@@ -105,7 +107,7 @@ class Liar:
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clients, "TRIES", 1)
     monkeypatch.setattr(clients, "PATIENCE_S", 1)
-    monkeypatch.setattr(reading, "ANSWER_S", 0.3)
+    monkeypatch.setattr(bounded_answer, "ANSWER_S", 0.3)
 
 
 def objects_of(liar: Liar, patch: pytest.MonkeyPatch) -> Objects:
@@ -186,6 +188,16 @@ def test_a_listing_without_end_ends(
         list(objects_of(liars[1], monkeypatch).below(""))
 
 
+def test_a_page_of_a_listing_without_end_takes_bounded_memory(
+    liars: list[Liar], monkeypatch: pytest.MonkeyPatch, impatient: None
+) -> None:
+    monkeypatch.setattr(bounded_answer, "ANSWER_S", 60.0)
+    monkeypatch.setattr(bounded_answer, "ANSWER_BYTES", 2**25)
+    liars.append(Liar(HEAD + b"Content-Length: 1000000000\r\n\r\n<ListBucketResult>", b" " * 2**20))
+    with pytest.raises(StorageError, match="a page of the listing has more than 32 MiB"):
+        list(objects_of(liars[0], monkeypatch).below(""))
+
+
 def test_parts_close_together_are_one_request_and_every_part_is_in_one() -> None:
     parts = [(900_000, 900_010), (10, 20), (0, 5), (5_000_000, 5_000_001), (12, 300_000)]
     requests = list(joined_parts(parts))
@@ -202,7 +214,7 @@ def test_parts_close_together_are_one_request_and_every_part_is_in_one() -> None
     assert list(joined_parts([])) == []
 
 
-@pytest.mark.parametrize("key", ["a/../../x", "a//b", "a/&#10;b", "./a", "&#27;[2J"])
+@pytest.mark.parametrize("key", ["a/../../x", "k" * 2000, "a//b", "a/&#10;b", "./a", "&#27;[2J"])
 def test_names_that_no_store_has_are_refused(
     key: str, liars: list[Liar], monkeypatch: pytest.MonkeyPatch, impatient: None
 ) -> None:

@@ -14,7 +14,8 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from grasp_factory.core.limits import LISTED, Limit
-from grasp_factory.core.object_storage.address import RemotePath
+from grasp_factory.core.object_storage.address import MOST_CHARACTERS, RemotePath
+from grasp_factory.core.object_storage.bounded_answer import bounded_answer
 from grasp_factory.core.object_storage.client import client, endpoint, explained
 from grasp_factory.core.object_storage.joined_parts import joined_parts
 from grasp_factory.errors import LimitError, StorageError, shown
@@ -31,9 +32,8 @@ KEPT_BYTES, MOST_KEPT_BYTES = 64 * 2**20, 4 * 2**20
 """Bytes of small objects and of indexes that are kept in memory, and of the largest of them."""
 PAGE = 1000
 """Objects of one listing's answer."""
-ANSWER_S = 60.0
-"""Seconds for a page of a listing; a server could answer with empty pages without end."""
 _PART = 4 * 2**20
+_NO_NAMES = ("..", ".", "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,14 +186,16 @@ class Objects:
         count = 0
         while True:
             with explained(self.path / folder):
-                page = _in_time(lambda: next(stream, None), self.path / folder)
+                page = bounded_answer(lambda: next(stream, None), self.path / folder)
             if not page:
                 return
             count += len(page)
             LISTED.check(count, self.path / folder)
             for meta in page:
                 key = str(meta["path"])
-                if not key.isprintable() or not {"..", ".", ""}.isdisjoint(key.split("/")):
+                is_long = len(key) > MOST_CHARACTERS
+                parts = set() if is_long else set(key.split("/"))
+                if is_long or not key.isprintable() or not parts.isdisjoint(_NO_NAMES):
                     raise StorageError(f"{self.path}: an object has the name {shown(key)}")
                 yield _facts(key, meta)
 
@@ -266,24 +268,3 @@ def _facts(key: str, meta: Any) -> ObjectFacts:
         modified_ns=int(meta["last_modified"].timestamp()) * 10**9,
         tag=f"{meta['e_tag']} {meta['version']}",
     )
-
-
-def _in_time(function: Callable[[], T], where: object) -> T:
-    """Return what a function returns, or raise what it raises, unless it takes too long."""
-    out: list[T] = []
-    errors: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            out.append(function())
-        except BaseException as error:
-            errors.append(error)
-
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    thread.join(ANSWER_S)
-    if errors:
-        raise errors[0]
-    if not out:
-        raise StorageError(f"{where}: no page of the listing within {ANSWER_S:.0f} s; try again")
-    return out[0]
