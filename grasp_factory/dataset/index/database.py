@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from grasp_factory.core.atomic_file import move_into_place
+from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.locked_file import has_name, open_locked
 from grasp_factory.core.regular_file import check_regular, open_regular
 from grasp_factory.dataset.index.columns import BY_NAME, OF_ROWS
@@ -204,7 +205,8 @@ def built_aside(file: Path) -> Iterator[sqlite3.Connection]:
 def cannot_write(file: Path, why: str) -> UsageError:
     """Return the error to raise for an index that cannot be written."""
     where = "name one that can be: --out FILE of index, --index FILE of other commands"
-    return UsageError(f"index {file} cannot be written: {why}; {where}")
+    more = f"or set {VARIABLE} to a writable directory"
+    return UsageError(f"index {file} cannot be written: {why}; {where}, {more}")
 
 
 def damaged(file: Path, error: sqlite3.DatabaseError) -> StoreError:
