@@ -35,7 +35,7 @@ def plugin_options(heading: str = OPTIONS) -> tuple[Callable[[Any], Any], ...]:
             is_flag=True,
             heading=heading,
             help="Run the copies of such files in the store. Read them first, with"
-            " `grasp-factory info`.",
+            " `grasp-factory info --full`.",
         ),
     )
 

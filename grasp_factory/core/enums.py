@@ -10,13 +10,24 @@ UNKNOWN = 255
 
 
 class Word(IntEnum):
-    """An integer code with a name, which is what ``str``, ``print`` and f-strings show."""
+    """An integer code with a name, which is what ``str``, ``print`` and f-strings show.
+
+    It equals its name too: ``episode.outcome == "success"``.
+    """
 
     def __str__(self) -> str:
         return self.name.lower()
 
     def __format__(self, spec: str) -> str:
         return format(str(self), spec)
+
+    def __eq__(self, other: object) -> bool:
+        return str(self) == other if isinstance(other, str) else int(self) == other
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    __hash__ = IntEnum.__hash__
 
 
 class Outcome(Word):

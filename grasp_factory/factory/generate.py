@@ -13,6 +13,7 @@ import numpy as np
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.executors import ExecutorKind, ExecutorSettings, executor_kind, go_on
+from grasp_factory.core.executors.process_start import check_main_guard
 from grasp_factory.core.object_storage.address import on_disk
 from grasp_factory.core.os_errors import adding_how_to_continue
 from grasp_factory.core.platforms import FINGERPRINT
@@ -104,6 +105,7 @@ def generate(
         WorkerError: if workers are lost and no episode is to blame; what is committed stays.
         FailuresError: if too many episodes are quarantined to continue; committed blocks stay.
     """
+    check_main_guard()
     config = with_plugins(config)
     seconds = EPISODE_TIMEOUT_S if episode_timeout is None else episode_timeout
     request = Request(

@@ -14,10 +14,14 @@ from grasp_factory.core.elementary import sincos
 from grasp_factory.core.episode import GraspPlan, SceneView
 from grasp_factory.core.geometry import Array, apply, transform
 from grasp_factory.core.serialization import from_plain
-from grasp_factory.errors import ConfigError
+from grasp_factory.errors import ConfigError, GraspFactoryError
 
 TIP_CLEARANCE = 0.005
 """Smallest distance between planned fingertips and the table, metres."""
+
+
+class PolicyError(Exception):
+    """A policy raised, or returned something else than grasps; the text says which."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +45,34 @@ class Policy:
             ConfigError: naming the key, the value and the valid values.
         """
         return from_plain(self.parameters, plain, f"policy_parameters.{self.name}")
+
+
+def checked_plan(
+    policy: Policy, view: SceneView, rng: np.random.Generator, settings: Any
+) -> GraspPlan:
+    """Return what a policy plans for a view.
+
+    Raises:
+        PolicyError: if it raises, or returns no ``GraspPlan`` of finite poses (4, 4).
+        GraspFactoryError, MemoryError, OSError: if the policy raises one.
+    """
+    try:
+        plan: Any = policy.plan(view, rng, settings)
+    except (GraspFactoryError, MemoryError, OSError):
+        raise
+    except (Exception, SystemExit) as error:
+        what = f"{type(error).__name__}: {error}"
+        raise PolicyError(f"policy {policy.name} raises {what}") from error
+    if not isinstance(plan, GraspPlan):
+        got = type(plan).__name__
+        raise PolicyError(f"policy {policy.name} returns {got}, valid: a GraspPlan")
+    for number, grasp in enumerate(plan.grasps):
+        pose = np.asarray(grasp.T_world_tcp, np.float64)
+        if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            got = f"shape {pose.shape}" if pose.shape != (4, 4) else "NaN or infinity"
+            what = f"T_world_tcp of grasp {number} has {got}"
+            raise PolicyError(f"policy {policy.name}: {what}, valid: a finite pose (4, 4)")
+    return plan
 
 
 def inner_settings(policy: Policy, plain: Mapping[str, Any], key: str) -> Any:

@@ -27,6 +27,7 @@ from grasp_factory.labels.image_metrics import inspect_episode
 from grasp_factory.labels.quality import quality_scores, shortcomings
 from grasp_factory.labels.rule import Measurements, disturbance, judge, measure
 from grasp_factory.policies import POLICIES
+from grasp_factory.policies.base import checked_plan
 from grasp_factory.robots.trajectory import GraspMotion, plan_motion
 from grasp_factory.sampling.spec import Stream, rng_for
 from grasp_factory.simulation.grasp_execution import Attempt
@@ -134,7 +135,8 @@ def _plan(scene: Scene, images: Mapping[str, CameraImage]) -> GraspPlan:
     spec = scene.spec
     policy = lookup(POLICIES, "policy", spec.policy)
     rng = rng_for(spec.seed, spec.index, Stream.POLICY)
-    return policy.plan(observe(scene, images), rng, policy.settings(spec.policy_parameters))
+    settings = policy.settings(spec.policy_parameters)
+    return checked_plan(policy, observe(scene, images), rng, settings)
 
 
 def _columns(spec: EpisodeSpec, grasp: Grasp | None, measured: Measurements) -> dict[str, Any]:

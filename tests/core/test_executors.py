@@ -163,7 +163,22 @@ def test_a_script_without_its_main_guard_is_told_of_it(tmp_path: Path) -> None:
     assert done.returncode == 1
     last = done.stderr.splitlines()[-1]
     assert "(exit code 1) before it began: " in last
+    assert "ConnectionResetError" not in done.stderr
     assert 'under `if __name__ == "__main__":`' in last
+
+
+def test_generate_without_a_main_guard_says_so_in_few_lines(tmp_path: Path) -> None:
+    script = tmp_path / "make.py"
+    script.write_text(
+        "from grasp_factory import FactoryConfig, generate\n"
+        "generate(FactoryConfig(resolution=(32, 24)), 2, 's.zarr')\n"
+    )
+    command = [sys.executable, str(script)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "the script starts workers again: put the call under `if __name__" in done.stderr
+    assert "runpy" not in done.stderr
+    assert "ConnectionResetError" not in done.stderr
 
 
 def test_a_killed_worker_is_an_error_that_names_job_and_signal() -> None:

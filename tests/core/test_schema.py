@@ -173,4 +173,7 @@ class TestCodes:
         self, words: type[Outcome] | type[Phase] | type[Label]
     ) -> None:
         assert [names(words)[word].upper() for word in words] == [word.name for word in words]
+        assert [word == str(word) for word in words] == [True] * len(words)
+        assert {word: k for k, word in enumerate(words)} == {int(word): int(word) for word in words}
+        assert words(0) != str(words(1))
         assert names(words) == list(dict.fromkeys(names(words)))

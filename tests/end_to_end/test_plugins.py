@@ -347,7 +347,8 @@ def test_a_policy_that_raises_quarantines_its_episodes(tmp_path: Path) -> None:
     (tmp_path / "bad.py").write_text("def plan(view, rng, settings):\n    raise ValueError('no')\n")
     done = make(tmp_path, "a.zarr", "--policy", "bad.py:plan", "--max-failures", 1)
     assert done.returncode == 0, done.stderr
-    assert list(Dataset(tmp_path / "a.zarr").column("error")) == ["ValueError: no"] * 2
+    reason = "PolicyError: policy bad_plan raises ValueError: no"
+    assert list(Dataset(tmp_path / "a.zarr").column("error")) == [reason] * 2
 
 
 def test_what_a_file_prints_is_on_stderr(tmp_path: Path) -> None:

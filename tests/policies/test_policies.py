@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import math
+import re
+import sys
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,7 +27,7 @@ from support.views import (
 from grasp_factory.core.camera import project
 from grasp_factory.core.config.cameras import CameraConfig
 from grasp_factory.core.enums import Label
-from grasp_factory.core.episode import Grasp
+from grasp_factory.core.episode import Grasp, GraspPlan
 from grasp_factory.core.geometry import (
     Array,
     apply,
@@ -37,7 +40,14 @@ from grasp_factory.core.gripper import Gripper
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.errors import ConfigError
 from grasp_factory.policies import POLICIES
-from grasp_factory.policies.base import TIP_CLEARANCE, looking_down, target_points
+from grasp_factory.policies.base import (
+    TIP_CLEARANCE,
+    Policy,
+    PolicyError,
+    checked_plan,
+    looking_down,
+    target_points,
+)
 from grasp_factory.policies.closing_outcome import POINT_SIZE, Grip, close_on
 from grasp_factory.policies.direct import DIRECT
 from grasp_factory.policies.occupied_columns import SolidColumns
@@ -563,3 +573,31 @@ class TestMixture:
         with pytest.raises(ConfigError) as caught:
             POLICIES["mixture"].settings(plain_settings)
         assert str(caught.value).startswith(f"policy_parameters.mixture.{text}")
+
+
+@dataclass(frozen=True)
+class NoSettings:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("plan", "said"),
+    [
+        (lambda *_: 1 / 0, "policy own raises ZeroDivisionError: division by zero"),
+        (lambda *_: sys.exit(3), "policy own raises SystemExit: 3"),
+        (lambda *_: [], "policy own returns list, valid: a GraspPlan"),
+        (
+            lambda *_: GraspPlan(grasps=(Grasp(T_world_tcp=np.eye(3), width=0.05),)),
+            "policy own: T_world_tcp of grasp 0 has shape (3, 3), valid: a finite pose (4, 4)",
+        ),
+        (
+            lambda *_: GraspPlan(grasps=(Grasp(T_world_tcp=np.full((4, 4), np.nan), width=0.05),)),
+            "policy own: T_world_tcp of grasp 0 has NaN or infinity, valid: a finite pose (4, 4)",
+        ),
+    ],
+)
+def test_what_is_no_plan_is_told_with_the_policy(plan: Any, said: str) -> None:
+    policy = Policy(name="own", description="of a test", parameters=NoSettings, plan=plan)
+    view: Any = None
+    with pytest.raises(PolicyError, match=f"^{re.escape(said)}$"):
+        checked_plan(policy, view, np.random.default_rng(0), NoSettings())

@@ -172,7 +172,7 @@ def test_a_policy_cannot_alter_what_is_stored(world, monkeypatch):
 
     policy = Policy("top_down", "vandal", TopDownParameters, blacken)
     monkeypatch.setattr(rollout, "POLICIES", {"top_down": policy})
-    with pytest.raises(ValueError, match="read-only"):
+    with pytest.raises(PolicyError, match="read-only"):
         run_episode(world, cube_spec())
 
 

@@ -69,7 +69,7 @@ def results(checks: Mapping[str, Callable[[], str]]) -> Iterator[CheckResult]:
         try:
             with contextlib.redirect_stdout(sys.stderr):
                 fault = check()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             text = " ".join(str(error).split())[:LONGEST_REASON]
             fault = f"it raises {type(error).__name__}: {text}"
         yield CheckResult(check=sentence, fault=fault)

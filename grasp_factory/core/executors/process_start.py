@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 
@@ -70,3 +72,12 @@ def _handled_later() -> Iterator[None]:
             signal.signal(number, handler)
         for missed in came:
             signal.raise_signal(missed)
+
+
+def check_main_guard() -> None:
+    """End a worker that begins to run its parent's script once more, with one line on stderr."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        sys.exit(
+            "A worker process imports the script that started it, and the script starts workers"
+            ' again: put the call under `if __name__ == "__main__":`'
+        )

@@ -180,8 +180,8 @@ class _Worker:
         if not self.heard and self.process.exitcode == 1:
             raise WorkerError(
                 "a worker ended (exit code 1) before it began: see above why; a script that calls"
-                ' generate() with several workers does so under `if __name__ == "__main__":`'
-            )
+                ' generate() does so under `if __name__ == "__main__":`'
+            ) from None
 
     def _cause(self) -> str:
         code = self.process.exitcode or 0

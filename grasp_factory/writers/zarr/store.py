@@ -194,7 +194,7 @@ def _check_same(path: Path, config: FactoryConfig) -> None:
         if changed := changed_file(stored, config.plugins):
             raise StoreMismatchError(
                 f"{changed} has changed since {path} was begun; {_OTHER}, or put the old file back:"
-                f" `grasp-factory info {path}` prints it"
+                f" `grasp-factory info --full {path}` prints it"
             )
         found = differing_values(stored, config.to_plain())
         key, old, new = found or ("config_sha256", "another", config.sha256())
