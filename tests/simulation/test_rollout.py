@@ -18,7 +18,7 @@ from grasp_factory.core.enums import Label, Outcome, Phase
 from grasp_factory.core.episode import EpisodeSpec, Grasp, GraspPlan
 from grasp_factory.errors import RecipeError
 from grasp_factory.labels.rule import judge, measure, target_com, touching
-from grasp_factory.policies.base import Policy, looking_down
+from grasp_factory.policies.base import Policy, PolicyError, looking_down
 from grasp_factory.policies.top_down import TopDownParameters
 from grasp_factory.robots import ROBOTS
 from grasp_factory.sampling.spec import sample_spec
