@@ -72,6 +72,8 @@ def by_block(rows: NDArray[np.int64], block_size: int) -> list[NDArray[np.intp]]
     if not len(rows):
         return []
     blocks = rows // block_size
+    if len(rows) == 1 or (blocks == blocks[0]).all():
+        return [np.arange(len(rows))]
     order = np.argsort(blocks, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(blocks[order])) + 1)
     return sorted(groups, key=lambda group: int(group[0]))
