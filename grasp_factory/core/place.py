@@ -24,7 +24,7 @@ from grasp_factory.core.directories import Root, walk
 from grasp_factory.core.file_parts import FileParts
 from grasp_factory.core.limits import DEPTH, Limit
 from grasp_factory.core.object_storage.address import RemotePath
-from grasp_factory.core.regular_file import check_inside, check_parts, irregular, read_part
+from grasp_factory.core.regular_file import check_inside, check_parts, irregular, read_and_close
 
 _READ = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 _CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -110,12 +110,7 @@ class Place:
     def read_file(self, name: str, limit: Limit) -> bytes:
         """Return the content of a file in a directory, as ``read_bytes`` of its place."""
         descriptor, size = self.open_file(name)
-        try:
-            if size > limit.usual:
-                limit.check(size, self / name)
-            return read_part(descriptor, size)
-        finally:
-            os.close(descriptor)
+        return read_and_close(descriptor, size, limit, self / name if size > limit.usual else self)
 
     def stat(self) -> os.stat_result:
         """Return the facts of a file or directory."""

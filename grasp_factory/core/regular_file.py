@@ -7,6 +7,7 @@ import os
 import stat
 from pathlib import Path
 
+from grasp_factory.core.limits import Limit
 from grasp_factory.errors import IrregularFileError
 
 _FLAGS = os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC  # opening a pipe would block
@@ -54,6 +55,19 @@ def read_part(descriptor: int, size: int, start: int = 0) -> bytes:
             break
         data += more
     return data
+
+
+def read_and_close(descriptor: int, size: int, limit: Limit, where: object) -> bytes:
+    """Return the content of an open file of ``size`` bytes, and close it.
+
+    Raises:
+        LimitError: naming ``where``, if it has more bytes than the limit.
+    """
+    try:
+        limit.check(size, where)
+        return read_part(descriptor, size)
+    finally:
+        os.close(descriptor)
 
 
 def irregular(file: Path) -> IrregularFileError:
