@@ -82,7 +82,8 @@ class Replay:
             return "the fingerprint is the recording's: it is not the platform, but the versions"
         return (
             "fingerprint and versions are the recording's, so the bytes should be the same: run"
-            " `grasp-factory verify`, try again, and report it if it stays"
+            " `grasp-factory verify`, and try again. If it stays, check code of your own, such as a"
+            " policy that draws without `rng`, with `grasp-factory conformance`; else report it"
         )
 
 
