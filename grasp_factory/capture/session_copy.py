@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ class SessionCopy:
             for record in self._reader.records():
                 if isinstance(record, Header):
                     if not is_started:
-                        writer.start(record.profile, record.library)
+                        writer.start(**asdict(record))
                     is_started = True
                 elif not is_started:
                     raise CaptureError(f"{self._reader.path}: its file begins without a header")

@@ -12,7 +12,8 @@ UNKNOWN = 255
 class Word(IntEnum):
     """An integer code with a name, which is what ``str``, ``print`` and f-strings show.
 
-    It equals its name too: ``episode.outcome == "success"``.
+    It equals its name too: ``episode.outcome == "success"``. Sets and dicts find it by
+    its code only.
     """
 
     def __str__(self) -> str:

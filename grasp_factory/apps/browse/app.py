@@ -14,10 +14,10 @@ from grasp_factory.apps.browse import (
     static_files,
 )
 from grasp_factory.apps.browse.clips import Clips
-from grasp_factory.apps.browse.guard import Guard, install
+from grasp_factory.apps.browse.guard import Guard
+from grasp_factory.apps.browse.guarded_app import guarded_app
 from grasp_factory.apps.browse.open_stores import OpenStores
 from grasp_factory.apps.browse.request_parameters import Number
-from grasp_factory.apps.browse.responses import tell_errors_as_json
 from grasp_factory.apps.browse.site import Live, Site
 from grasp_factory.apps.browse.thumbnail_cache import Thumbnails
 from grasp_factory.dataset.index import Index
@@ -49,14 +49,10 @@ def create_app(
         clips=Clips(cache),
         live=live,
     )
-    app = Flask("grasp_factory.apps.browse", static_folder=None)
-    app.config["PROVIDE_AUTOMATIC_OPTIONS"] = False
-    app.url_map.merge_slashes = False  # an address with double slashes is refused
+    app = guarded_app("grasp_factory.apps.browse", site.guard)
     app.url_map.converters["n"] = Number
-    install(app, site.guard)
     query_limit.install(app)
     app.before_request(site.freshness.restore)
-    tell_errors_as_json(app)
     for part in (
         static_files.routes(),
         grid_routes.routes(site),

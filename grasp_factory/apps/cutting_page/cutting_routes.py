@@ -9,8 +9,9 @@ import numpy as np
 from flask import Blueprint, Flask, Response, abort, request
 
 from grasp_factory.apps.browse import static_files
-from grasp_factory.apps.browse.guard import Guard, install
-from grasp_factory.apps.browse.responses import json_answer, tell_errors_as_json
+from grasp_factory.apps.browse.guard import Guard
+from grasp_factory.apps.browse.guarded_app import guarded_app
+from grasp_factory.apps.browse.responses import json_answer
 from grasp_factory.apps.cutting_page.cutting_document import CuttingDocument
 from grasp_factory.apps.cutting_page.preview_images import Previews
 from grasp_factory.capture.importing.cut_overview import CutOverview, OverviewCurve
@@ -35,11 +36,7 @@ def cutting_app(
         document: the list of episodes.
         guard: decides who may look, and who may write.
     """
-    app = Flask("grasp_factory.apps.cutting_page", static_folder=None)
-    app.config["PROVIDE_AUTOMATIC_OPTIONS"] = False
-    app.url_map.merge_slashes = False
-    install(app, guard)
-    tell_errors_as_json(app)
+    app = guarded_app("grasp_factory.apps.cutting_page", guard)
     app.register_blueprint(static_files.routes("cutting.html"))
     app.register_blueprint(_routes(overview, previews, document, guard))
     return app

@@ -65,7 +65,7 @@ class Previews:
         return thread
 
     def picture(self, camera: str, number: int) -> bytes | None:
-        """Return a picture as a JPEG file; None if there is none."""
+        """Return a picture as a JPEG file, or None if the camera has no such picture."""
         pictures = self._pictures.get(camera, [])
         return pictures[number] if 0 <= number < len(pictures) else None
 

@@ -8,8 +8,9 @@ from typing import Any
 from flask import Blueprint, Flask, Response, abort, request
 
 from grasp_factory.apps.browse import static_files
-from grasp_factory.apps.browse.guard import Guard, install
-from grasp_factory.apps.browse.responses import json_answer, tell_errors_as_json
+from grasp_factory.apps.browse.guard import Guard
+from grasp_factory.apps.browse.guarded_app import guarded_app
+from grasp_factory.apps.browse.responses import json_answer
 from grasp_factory.apps.session_page.session_pictures import picture
 from grasp_factory.apps.session_page.session_snapshot import curves, snapshot
 from grasp_factory.capture.session.events import EPISODE_END, EPISODE_START
@@ -28,11 +29,7 @@ def session_app(recorder: SessionRecorder, guard: Guard, on_look: Callable[[str]
         guard: decides who may look, and who may mark and stop.
         on_look: called with each phase that a page was told.
     """
-    app = Flask("grasp_factory.apps.session_page", static_folder=None)
-    app.config["PROVIDE_AUTOMATIC_OPTIONS"] = False
-    app.url_map.merge_slashes = False
-    install(app, guard)
-    tell_errors_as_json(app)
+    app = guarded_app("grasp_factory.apps.session_page", guard)
     app.register_blueprint(static_files.routes("session.html"))
     app.register_blueprint(_routes(recorder, guard, on_look))
     return app

@@ -100,7 +100,7 @@ export function selectionBar(library, state, changed) {
   };
 }
 
-function tagDialog(library, changed) {
+function tagDialog({ qualities }, changed) {
   const n = selected().size;
   const name = h('input', {
     type: 'text',
@@ -114,7 +114,7 @@ function tagDialog(library, changed) {
     [
       ['', 'as it is'],
       ['null', 'not judged'],
-      ...library.qualities.map((word, i) => [String(i + 1), `${i + 1}: ${word}`]),
+      ...qualities.map((word, i) => [String(i + 1), `${i + 1}: ${word}`]),
     ].map(([value, text]) => h('option', { value }, text)),
   );
   const said = h('p', { class: 'muted', role: 'status', dataset: { testid: 'bulk-said' } });

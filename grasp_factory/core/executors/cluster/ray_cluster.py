@@ -40,6 +40,7 @@ _LOOPBACK_ONLY = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 """Without it Ray takes the machine's outer address for 127.0.0.1, and listens there."""
 _LONGEST_WHY = 200
 CONNECT_S = 10.0
+"""Seconds for somebody to answer at a cluster's address."""
 
 
 class NodeActor:
