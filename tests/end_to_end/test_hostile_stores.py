@@ -86,6 +86,8 @@ FEW_RECIPES = 2
 USUAL = 100
 """Attacks in a normal run; a soak runs all of them."""
 MOST_S, MOST_KB = 10.0, 1_000_000
+TOLD = (" is complete: ", " already has the ", "Using the config of ")
+"""What is said of a run that is no error."""
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +143,7 @@ def check(code: int, out: str, err: str) -> None:
     assert code in (0, 1, 2)
     assert "Traceback" not in err
     lines = [line for line in err.splitlines() if not line.startswith("Warning: ")]
-    errors = [line for line in lines if " is complete: " not in line]
+    errors = [line for line in lines if not any(told in line for told in TOLD)]
     assert code == 0 or out or len(errors) == 1, err
     assert not {"\x1b", "\x9b", "\x07"} & set(out + err)
     assert "precious" not in out + err
@@ -220,6 +222,7 @@ def test_no_command_takes_long_or_much_memory_on_an_attack(
     ATTACKS[name](store, outside)
     before = state(outside)
     out, err = place / "stdout", place / "stderr"
+    Path("/proc/self/clear_refs").write_text("5")  # a child's peak begins with that of this process
     started = time.monotonic()
     with out.open("wb") as stdout, err.open("wb") as stderr:
         process = subprocess.Popen(
