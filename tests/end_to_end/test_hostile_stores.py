@@ -1,18 +1,15 @@
 """Commands on hostile stores: each is refused in a line, or harmless, and nothing else happens.
 
 A normal run does one command for each attack in turn, in this process. The soak does all of them,
-each in a process of its own whose time and memory are measured.
+each in a process of its own whose time and memory are measured, without the imports.
 """
 
 from __future__ import annotations
 
 import itertools
 import multiprocessing
-import os
 import shutil
 import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -22,6 +19,7 @@ import pytest
 import yaml
 from support.damage import CONFIG, make_store
 from support.hostile import ATTACKS, victim
+from support.measured_commands import run_apart
 from support.scale import IS_SOAK, sampled
 
 from grasp_factory.apps.browse.app import create_app
@@ -221,17 +219,8 @@ def test_no_command_takes_long_or_much_memory_on_an_attack(
     store, outside = place / "data" / "s.zarr", victim(place)
     ATTACKS[name](store, outside)
     before = state(outside)
-    out, err = place / "stdout", place / "stderr"
-    Path("/proc/self/clear_refs").write_text("5")  # a child's peak begins with that of this process
-    started = time.monotonic()
-    with out.open("wb") as stdout, err.open("wb") as stderr:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "grasp_factory", *arguments(line, place)],
-            stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr,
-        )  # fmt: skip
-        _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    check(process.returncode, out.read_text(), err.read_text())
+    done = run_apart(arguments(line, place), place)
+    check(done.code, done.out, done.err)
     assert state(outside) == before
-    assert used.ru_maxrss < MOST_KB
-    assert time.monotonic() - started < MOST_S
+    assert done.peak_kb < MOST_KB
+    assert done.seconds < MOST_S
