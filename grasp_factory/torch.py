@@ -5,10 +5,8 @@ The store is not copied; each worker of a loader opens it itself.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +29,6 @@ from grasp_factory.signals.noise import SensorNoise, named_noise
 Example = dict[str, Any]
 """The inputs that are used of ``image`` (3, S, S), ``width`` (1,) and ``touch`` (2, 6, R), and
 ``success`` (), all as float32 tensors; and ``row``, the example's row number in the store."""
-
-MOST_KEPT = 31 * 2**20
-"""Bytes; just below the largest block that can raise glibc's thresholds when it is freed."""
 
 
 class GraspDataset(TorchDataset[Example]):
@@ -141,8 +136,6 @@ class GraspDataset(TorchDataset[Example]):
             IndexError: naming the valid range.
             StoreError: if an episode is damaged.
         """
-        if get_worker_info() is not None:
-            _keep_freed_memory(os.getpid())
         places = np.array([self._place(index) for index in indices], np.int64)
         grasps, inputs = self._grasps.take(places), self._inputs(places)
         if self._mirror_seed is not None:
@@ -284,14 +277,3 @@ def _opened(
 def _check_number(name: str, value: int, least: int) -> None:
     if not is_integer(value) or value < least:
         raise UsageError(f"{name}: got {shown(value)}, valid: a whole number from {least} on")
-
-
-@cache
-def _keep_freed_memory(process: int) -> None:
-    """Make the process keep up to 60 MB of the memory that it frees.
-
-    Each image is a megabyte. By default glibc returns this memory to the system and gets it back
-    page by page, which can take as long as decoding. Freeing a large block raises the thresholds
-    above which glibc does so.
-    """
-    np.empty(MOST_KEPT, np.uint8)

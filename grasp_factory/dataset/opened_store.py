@@ -9,6 +9,7 @@ from typing import Any
 
 from grasp_factory.core import schema
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.freed_memory import keep_freed_memory
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.checked_reader import checked_arrays
 from grasp_factory.dataset.row_codec import NEEDED
@@ -43,6 +44,7 @@ def opened(path: Path, *, checked: bool) -> OpenedStore:
         StoreMismatchError: if there is no store, or it has a newer version.
         StoreError: if the store is damaged.
     """
+    keep_freed_memory()
     root, config = open_store(path, mode="r")
     needed = {f"episodes/{name}" for name in NEEDED}
     fields = {row.path: row for row in schema.expand(config)}
