@@ -158,6 +158,15 @@ OTHER_STORES: dict[str, tuple[dict[str, Any], str]] = {
     "objects": ({"clutter": {"count": 1}}, "objects in a scene: got 1, valid: 2"),
     "videos": ({"video_hz": 0}, "video_hz: got 0, valid: 5"),
     "images": ({"resolution": (24, 24)}, "resolution: got (24, 24), valid: (32, 24)"),
+    "a sensor of a plugin": (
+        {
+            "sensors": {"tilt": [{"name": "tilt", "units": "rad"}]},
+            "plugins": {
+                "sensors": {"tilt": {"sha256": "0" * 64, "attribute": "TILT", "file": "tilt.py"}}
+            },
+        },
+        "sensors: got {'tilt': [{'dtype': 'float32', 'name': 'tilt', 'units': 'rad'}]}, valid: {}",
+    ),
 }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.config.sensor_array import plain_sensors
 from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.object_storage.address import real_path
@@ -218,7 +219,7 @@ def select(chosen: Sequence[tuple[EpisodeSource, Sequence[int]]]) -> Selection:
     Raises:
         UsageError: if nothing is chosen, a store is named twice, a row is out of range, chosen
             twice or without an episode, or the stores differ in cameras, robot, rates, number of
-            objects, or what they embed under one name.
+            objects, sensors, or what they embed under one name.
     """
     _check_named_once([source.path for source, _ in chosen])
     chosen = [(source, rows) for source, rows in chosen if len(rows)] or list(chosen[:1])
@@ -280,6 +281,7 @@ def _check_alike(first: EpisodeSource, other: EpisodeSource) -> None:
         ("cameras", sorted(other.config.cameras), sorted(first.config.cameras)),
         ("objects in a scene", other.config.clutter.count, first.config.clutter.count),
         *((name, getattr(other.config, name), getattr(first.config, name)) for name in _SAME),
+        ("sensors", plain_sensors(other.config.sensors), plain_sensors(first.config.sensors)),
         ("room for real episodes", _room(other.config), _room(first.config)),
     ):
         if got != valid:
