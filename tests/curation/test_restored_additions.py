@@ -273,3 +273,15 @@ def test_an_empty_folder_is_a_place_for_a_store(export: Path, tmp_path: Path) ->
     assert restore(export, tmp_path / "again.zarr").episodes == 2
     with pytest.raises(UsageError, match="exists, only new stores are made"):
         restore(export, tmp_path / "again.zarr")
+
+
+@pytest.mark.parametrize("place", ["{store}/episodes/in.zarr", "{export}/in.zarr"])
+def test_no_store_is_made_in_a_store_or_the_export_through_a_link(
+    export: Path, store: Dataset, run: Run, tmp_path: Path, place: str
+) -> None:
+    target = Path(place.format(store=store.path, export=export))
+    (tmp_path / "link.zarr").symlink_to(target)
+    code, _, err = run("import", export, tmp_path / "link.zarr")
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"{tmp_path}/link.zarr" in err
+    assert not target.exists()

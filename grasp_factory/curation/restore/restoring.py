@@ -86,9 +86,9 @@ def restore(
 
 
 def _check_apart(out: Path, export: Path) -> None:
-    if is_in_store(out):
+    real = Path(os.path.realpath(out))
+    if is_in_store(real):
         raise UsageError(f"{out} is inside a store, which holds data only: choose another OUT")
-    real = Path(os.path.realpath(out.parent), out.name)
     if real.is_relative_to(os.path.realpath(export)):
         raise UsageError(f"{out} lies in the export {export}: choose another OUT")
 
