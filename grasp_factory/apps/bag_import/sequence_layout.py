@@ -8,6 +8,7 @@ and ``force/``. ``dataset_info.yaml`` says which topic is where.
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,6 +23,7 @@ from grasp_factory.apps.bag_import.import_layout import ImportLayout
 from grasp_factory.apps.bag_import.series_file import SeriesFile
 from grasp_factory.apps.bag_import.series_rows import IMU, SERIES_KINDS, Seconds
 
+_SERIES = "data.csv"
 _UNITS = {
     "timestamp": "s, of the header, or of the arrival where the header has none",
     "depth": "mm, 0 for no value",
@@ -49,7 +51,12 @@ class SequenceLayout(ImportLayout):
         ]
         series = [topic for topic in topics if topic.role is TopicRole.SERIES]
         self._folders = series_folders(series)
-        self._series = {topic.name: self._series_file(topic) for topic in series}
+        self._series: dict[str, SeriesFile] = {}
+        with contextlib.ExitStack() as failed:
+            failed.callback(self.close)
+            for topic in series:
+                self._series[topic.name] = self._series_file(topic)
+            failed.pop_all()
         self._imu_topic = next((topic.name for topic in series if topic.kind == IMU), None)
         self._imu = ImuTrack()
         self.left_out = {
@@ -62,7 +69,7 @@ class SequenceLayout(ImportLayout):
     def _series_file(self, topic: BagTopic) -> SeriesFile:
         folder = self._sequences[0].folder / self._folders[topic.name]
         folder.mkdir()
-        return SeriesFile(folder / "data.csv", ("timestamp", *SERIES_KINDS[topic.kind].columns))
+        return SeriesFile(folder / _SERIES, ("timestamp", *SERIES_KINDS[topic.kind].columns))
 
     def add(self, topic: BagTopic, stamp_ns: int, message: Any) -> None:
         """See ``ImportLayout.add``."""
@@ -85,7 +92,8 @@ class SequenceLayout(ImportLayout):
         first, *others = self._sequences
         for sequence in others:
             for name in self._folders.values():
-                shutil.copytree(first.folder / name, sequence.folder / name)
+                (sequence.folder / name).mkdir()
+                shutil.copyfile(*(each.folder / name / _SERIES for each in (first, sequence)))
         for sequence in self._sequences:
             sequence.finish(self._imu if self._imu_topic else None)
         text = yaml.safe_dump(self._info(), sort_keys=False, allow_unicode=True)
