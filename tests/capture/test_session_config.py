@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +70,9 @@ def topics(**plain: Any) -> dict[str, dict[str, str]]:
         ({"name": "../x"}, "name: got '../x', valid: letters"),
         ({"hook": "python move.py"}, "hook: expected a list"),
         ({"devices": {"imu": {**IMU, "rate_hz": -1}}}, "rate_hz: got -1.0"),
+        ({"environment": {"light": float("nan")}}, "environment.light: got nan, valid: a text"),
+        ({"consent": {"on": date(2026, 1, 31)}}, "consent.on: got datetime.date(2026, 1, 31), val"),
+        ({"firmware": {"arm": {date(2026, 1, 31): 1}}}, "firmware.arm.2026-01-31: got"),
         ({"devices": {"imu": {**IMU, "topics": {"imu": "a b"}}}}, "a name of ROS such as"),
     ],
 )

@@ -350,6 +350,25 @@ def test_the_hook_moves_the_robot_marks_episodes_and_ends_the_session(tmp_path: 
     assert said[5]["code"] == 0
 
 
+def test_what_no_json_can_hold_in_a_hook_s_line_does_not_end_the_recording(tmp_path: Path) -> None:
+    script = tmp_path / "move.py"
+    lines = [
+        '{"event": "large", "value": 1e999}',
+        '{"event": "half", "text": "\\ud800"}',
+        '{"event": "deep", "value": ' + "[" * 200 + "]" * 200 + "}",
+        '{"event": "last"}',
+    ]
+    script.write_text(f"print({chr(10).join(lines)!r})\n")
+    with recording(tmp_path, {"imu": IMU}, hook=[sys.executable, str(script)]) as run:
+        assert run.wait() == 0
+    said = {event["event"]: event for event in events_of(run.data)}
+    assert said["large"]["value"] is None
+    assert "session_ended" in said
+    assert {"half", "deep"}.isdisjoint(said)
+    texts = [e["text"] for e in events_of(run.data) if e["event"] == "hook_says"]
+    assert texts == lines[1:3]
+
+
 def test_the_hook_is_stopped_with_the_session(tmp_path: Path) -> None:
     script = tmp_path / "move.py"
     script.write_text(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import re
 import signal
@@ -14,7 +15,8 @@ from typing import IO, Any
 
 from grasp_factory.capture.session import events
 from grasp_factory.capture.session.events import EventLog
-from grasp_factory.errors import CaptureError
+from grasp_factory.core.json_text import check_depth
+from grasp_factory.errors import CaptureError, ConfigError
 
 PATIENCE_S = 5.0
 """Seconds that the hook has to end after Ctrl-C, and again after SIGTERM."""
@@ -97,10 +99,18 @@ class MotionHook:
 def _parsed(line: str) -> dict[str, Any] | None:
     """Return the event in a line; None if there is no event in it."""
     try:
-        found = json.loads(line, parse_constant=lambda name: None)
-    except (ValueError, RecursionError):
+        found = json.loads(line, parse_constant=lambda name: None, parse_float=_finite)
+        check_depth("an event", found)
+        json.dumps(found, ensure_ascii=False).encode()  # fails for half a surrogate pair
+    except (ValueError, RecursionError, ConfigError):
         return None
     if not isinstance(found, dict) or not isinstance(name := found.get("event"), str):
         return None
     is_event = _EVENT.fullmatch(name) and all(key.isidentifier() for key in found)
     return found if is_event else None
+
+
+def _finite(text: str) -> float | None:
+    """Return a number of JSON; None for one that no float holds, such as 1e999."""
+    value = float(text)
+    return value if math.isfinite(value) else None

@@ -37,7 +37,7 @@ from grasp_factory.capture.session.topic_names import topics_of
 from grasp_factory.errors import CaptureError, StoreError
 
 DURATION, HOOK, DEVICES_ENDED = "duration", "hook", "devices_ended"
-DISK_FULL, DISK_FAILED = "disk_full", "disk_failed"
+DISK_FULL = "disk_full"
 
 
 class SessionRecorder:
@@ -199,18 +199,16 @@ class SessionRecorder:
         os.close(self._descriptor)
         self.record = self._recorded()
         if self._writer.error is not None:
-            self._say_what_stays(self.record, self._writer.error)
+            self._say_what_stays(self.record)
         self._folder.write_record(self.record)
         return self.record
 
-    def _say_what_stays(self, record: RecordedSession, error: OSError) -> NoReturn:
+    def _say_what_stays(self, record: RecordedSession) -> NoReturn:
         with contextlib.suppress(StoreError):  # on a full disk it may not fit
             self._folder.write_record(record)
         what = self._folder.path
-        raise CaptureError(
-            f"{what}: the disk failed ({error.strerror or error}); what was recorded until then"
-            f" stays: free some space, then run grasp-factory capture recover {what}"
-        )
+        how = self._writer.failure(f"run grasp-factory capture recover {what}")
+        raise CaptureError(f"{what}: {how}")
 
     def _open_devices(self) -> None:
         opened: list[DeviceStation] = []
@@ -241,9 +239,7 @@ class SessionRecorder:
             tell=self._tell,
             on_full_disk=lambda: self.ask_to_end(DISK_FULL),
         )
-        self._writer = SessionWriter(
-            self._file, self._outbox, self.offset_ns, lambda error: self.ask_to_end(DISK_FAILED)
-        )
+        self._writer = SessionWriter(self._file, self._outbox, self.offset_ns, self.ask_to_end)
         self.log.add(events.SESSION_STARTED, {"devices": list(self.config.devices)})
         self._writer.start({role for station in self.stations for role in station.topics})
         for station in self.stations:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from grasp_factory.core.serialization import (
     check,
     check_range,
     from_plain,
+    is_number,
     normalise,
     to_plain,
 )
@@ -126,6 +128,8 @@ class SessionConfig:
         for key in ("operator", "task", "scenario", "weather"):
             text = getattr(self, key)
             check(len(text) <= LONGEST_TEXT, key, text, f"up to {LONGEST_TEXT} characters")
+        for key in ("environment", "firmware", "sensor_setup", "consent"):
+            _check_plain(key, getattr(self, key))
         ok = self.consent is None or isinstance(self.consent, str | bool | dict)
         check(ok, "consent", self.consent, "a text, yes, no, or a mapping")
         if self.duration_s is not None:
@@ -145,6 +149,25 @@ class SessionConfig:
         ok = bool(re.fullmatch(r"[\w][\w.+-]{0,199}", found))
         check(ok, "name", template, "letters, digits, _ . + -, strftime codes and {epoch}")
         return found
+
+
+def _check_plain(key: str, value: Any) -> None:
+    """Check that a free entry can be stored as JSON.
+
+    Raises:
+        ConfigError: naming the value that cannot.
+    """
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            check(isinstance(name, str | int), f"{key}.{name}", name, "a text or a number as key")
+            _check_plain(f"{key}.{name}", item)
+    elif isinstance(value, list | tuple):
+        for place, item in enumerate(value):
+            _check_plain(f"{key}[{place}]", item)
+    else:
+        ok = value is None or isinstance(value, str | bool)
+        ok = ok or (is_number(value) and math.isfinite(value))
+        check(ok, key, value, "a text, a finite number, yes or no; write a date in quotes")
 
 
 def read_session_config(path: Path) -> SessionConfig:

@@ -16,6 +16,7 @@ from grasp_factory.capture.session.session_file import SessionFile
 from grasp_factory.capture.session.station import Outbox, Queued
 from grasp_factory.capture.session.topic_names import EVENTS, MESSAGES
 
+DISK_FAILED, FAILED = "disk_failed", "recorder_failed"
 FLUSH_S = 0.25
 """Seconds between two flushes: what is younger is lost if the process is killed."""
 
@@ -25,11 +26,15 @@ class SessionWriter:
 
     Attributes:
         written: samples that are in the file, by device.
-        error: what the disk said when it failed; then nothing more is written.
+        error: what the disk said when it failed, or a bug; then nothing more is written.
     """
 
     def __init__(
-        self, file: SessionFile, outbox: Outbox, offset_ns: int, on_error: Callable[[OSError], None]
+        self,
+        file: SessionFile,
+        outbox: Outbox,
+        offset_ns: int,
+        on_error: Callable[[str], None],
     ) -> None:
         """Prepare to write.
 
@@ -37,10 +42,10 @@ class SessionWriter:
             file: the started file.
             outbox: the queue.
             offset_ns: epoch minus monotonic time.
-            on_error: called once, in the writer's thread, when the disk has failed.
+            on_error: called once, in the writer's thread, with why nothing more can be written.
         """
         self.written: Counter[str] = Counter()
-        self.error: OSError | None = None
+        self.error: Exception | None = None
         self._file, self._outbox, self._offset_ns = file, outbox, offset_ns
         self._on_error = on_error
         self._encoder = MessageEncoder()
@@ -59,6 +64,14 @@ class SessionWriter:
         self._is_over = True
         self._outbox.put(None)
         self._thread.join()
+
+    def failure(self, command: str) -> str:
+        """Return what failed, and that the user may run a command then."""
+        stays = "what was recorded until then stays:"
+        if isinstance(self.error, OSError):
+            why = self.error.strerror or self.error
+            return f"the disk failed ({why}); {stays} free some space, then {command}"
+        return f"the recorder failed ({type(self.error).__name__}: {self.error}); {stays} {command}"
 
     def _run(self) -> None:
         due = time.monotonic() + FLUSH_S
@@ -79,14 +92,14 @@ class SessionWriter:
         self._guarded(partial(self._counted, self._file.close))
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do some work, unless the disk has failed."""
+        """Do some work, unless some has failed; a thread that ends would lose all in silence."""
         if self.error is not None:
             return
         try:
             work()
-        except OSError as error:
+        except Exception as error:
             self.error = error
-            self._on_error(error)
+            self._on_error(DISK_FAILED if isinstance(error, OSError) else FAILED)
 
     def _counted(self, work: Callable[[], None]) -> None:
         """Do some work; if it put the chunk into the file, what was pending is written."""
