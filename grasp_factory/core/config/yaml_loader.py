@@ -45,6 +45,18 @@ def _integer(loader: _Loader, node: yaml.ScalarNode) -> int:
 _Loader.add_constructor("tag:yaml.org,2002:int", _integer)
 
 
+def _text(loader: _Loader, node: yaml.ScalarNode) -> str:
+    found: str = loader.construct_yaml_str(node)
+    try:
+        found.encode()
+    except UnicodeEncodeError:
+        raise ValueError("a text with half of a surrogate pair, such as \\ud800") from None
+    return found
+
+
+_Loader.add_constructor("tag:yaml.org,2002:str", _text)
+
+
 def parse_yaml(text: str, what: str) -> Any:
     """Return the plain data of a YAML text; None for an empty one.
 
