@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from grasp_factory.capture.bags.payloads import GRIPPER
 from grasp_factory.capture.ros_messages import IMU, JOINT_STATE, TEMPERATURE, WRENCH, decoded
 from grasp_factory.capture.samples import DeviceKind
 from grasp_factory.capture.session_reader import SessionMessage, SessionTopic, opened_session
@@ -47,6 +49,8 @@ class DeviceSeries:
     """(N,) the device's count, unwrapped; None if it does not count."""
     values: Mapping[str, Array]
     """By name, (N, ...) in SI units; nothing for images and texts."""
+    has_gripper: bool = False
+    """Whether the last column of joints is the gripper; NaN in messages without it."""
 
     def __len__(self) -> int:
         return len(self.log_time_ns)
@@ -63,6 +67,7 @@ class SeriesBuilder:
     _values: dict[str, array[float]] = field(default_factory=dict)
     _widths: set[tuple[int, ...]] = field(default_factory=set)
     """Numbers of values that messages have."""
+    _has_gripper: bool = False
 
     def add(self, message: SessionMessage) -> None:
         """Append a message.
@@ -76,7 +81,10 @@ class SeriesBuilder:
         reader = _READERS.get(message.topic.message_type)
         if reader:
             names, read = reader
-            row = read(decoded(message))
+            fields = decoded(message)
+            row = read(fields)
+            if message.topic.message_type == JOINT_STATE:
+                row = self._with_gripper_last(fields.name, row)
             self._widths.add(tuple(map(len, row)))
             for name, values in zip(names, row, strict=True):
                 self._values.setdefault(name, array("d")).extend(values)
@@ -98,7 +106,18 @@ class SeriesBuilder:
             device_ns=np.array(self._device_times, np.int64) if topic.has_device_time else None,
             sequence=unwrapped(sequence) if topic.has_device_sequence else None,
             values=self._arrays(),
+            has_gripper=self._has_gripper,
         )
+
+    def _with_gripper_last(
+        self, names: list[str], row: tuple[list[float], ...]
+    ) -> tuple[list[float], ...]:
+        """Return values of joints with the gripper last: NaN if the message does not have it."""
+        if any(len(values) not in (0, len(names)) for values in row):
+            raise CaptureError(f"{shown(self.topic.name)} has values that its names do not fit")
+        place = names.index(GRIPPER) if GRIPPER in names else None
+        self._has_gripper |= place is not None
+        return tuple(_moved_last(list(values), place) for values in row)
 
     def _arrays(self) -> dict[str, Array]:
         if len(self._widths) > 1:
@@ -106,10 +125,13 @@ class SeriesBuilder:
                 f"messages of {shown(self.topic.name)} have different numbers of values"
             )
         widths = next(iter(self._widths), ())
-        return {
+        found = {
             name: np.array(values, np.float64).reshape(len(self._log_times), width)
             for (name, values), width in zip(self._values.items(), widths, strict=True)
         }
+        if self.topic.message_type == JOINT_STATE and not self._has_gripper:
+            return {name: values[:, :-1] for name, values in found.items()}
+        return found
 
 
 def read_series(session: Path) -> dict[str, DeviceSeries]:
@@ -149,6 +171,13 @@ def unwrapped(sequence: Ticks) -> Ticks:
     steps = np.diff(sequence) % _WRAP
     steps = np.where(steps >= _WRAP // 2, steps - _WRAP, steps)
     return np.concatenate([sequence[:1], sequence[0] + np.cumsum(steps)])
+
+
+def _moved_last(values: list[float], place: int | None) -> list[float]:
+    if not values:
+        return values
+    last = math.nan if place is None else values.pop(place)
+    return [*values, last]
 
 
 def _xyz(vector: Any) -> list[float]:

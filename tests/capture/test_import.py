@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.grasp_sessions import SECONDS, SIZE, force_at, session, width_at
+from support.grasp_sessions import (
+    SECONDS,
+    SIZE,
+    event,
+    force_at,
+    recorded_grasps,
+    session,
+    width_at,
+)
+from support.sessions import JOINTS, START, WRENCH, Channel, Recorded
 
-from grasp_factory.capture.importing.cuts import read_cuts
+from grasp_factory.capture.importing.cuts import parsed_cuts, read_cuts
 from grasp_factory.capture.importing.gripper_motion import closings
 from grasp_factory.capture.importing.import_settings import ImportSettings
 from grasp_factory.capture.importing.importing_store import import_session
@@ -125,7 +135,7 @@ def test_the_gripper_cuts_from_before_it_closes_until_after_it_opens(tmp_path: P
 
 def test_a_list_cuts_and_labels(recorded: Path, tmp_path: Path) -> None:
     file = tmp_path / "cuts.csv"
-    file.write_text("start,end,outcome\n0.5,1.5,no_contact\n2.0,3.0,success\n3.5,4.5,\n")
+    file.write_text("\ufeffstart,end,outcome\n0.5,1.5,no_contact\n2.0,3.0,success\n3.5,4.5,\n")
     settings = from_plain(ImportSettings, {"cut": "list"})
     made = import_session(recorded, tmp_path / "r.zarr", settings, listed=read_cuts(file))
     assert [row.outcome for row in made.rows] == ["no_contact", "success", "quarantined"]
@@ -134,7 +144,9 @@ def test_a_list_cuts_and_labels(recorded: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["start,stop\n", "start,end\n2,1\n", "start,end\nx,1\n",
-                                  "start,end,outcome\n1,2,good\n"])  # fmt: skip
+                                  "start,end,outcome\n1,2,good\n",
+                                  "start,end,outcome\n1,2,,x\n",
+                                  "start,end\n1,1.0000000001\n"])  # fmt: skip
 def test_a_wrong_list_is_one_line(text: str, tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text(text)
     with pytest.raises(UsageError, match=r"--cuts .*c\.csv: line \d: got .*, valid: "):
@@ -145,6 +157,74 @@ def test_a_list_that_is_no_csv_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text("start,end\n" + "0" * 200_000)
     with pytest.raises(UsageError, match=r"--cuts .*c\.csv(: line 2: got| cannot be read: field)"):
         read_cuts(tmp_path / "c.csv")
+
+
+@pytest.mark.parametrize(("start", "end"), [(50.0, 60.0), (2.0, 100.0)])
+def test_an_episode_outside_of_the_session_is_refused(
+    start: float, end: float, recorded: Path, tmp_path: Path
+) -> None:
+    listed = parsed_cuts(f"start,end\n{start},{end}\n", "c.csv")
+    settings = from_plain(ImportSettings, {"cut": "list"})
+    with pytest.raises(CaptureError, match=r"is not inside of the session, which is 5\.998 s long"):
+        import_session(recorded, tmp_path / "r.zarr", settings, listed=listed)
+    assert not (tmp_path / "r.zarr").exists()
+
+
+def test_commands_of_one_arm_are_never_those_of_another(tmp_path: Path) -> None:
+    made = recorded_grasps(SECONDS, width_at)
+    event(made, "episode_start", 1.0)
+    event(made, "episode_end", 4.9, success=True)
+    topic = Channel(topic="/b/joint_commands", kind=JOINTS, device="b", device_kind="joints")
+    fields = {"name": ["joint_1"], "position": np.array([9.0])}
+    made.messages += [
+        Recorded(channel=topic, log_ns=START + k * 10**7, fields=fields) for k in range(600)
+    ]
+    import_session(made.write(tmp_path / "ses"), tmp_path / "r.zarr", ImportSettings())
+    streams = Dataset(tmp_path / "r.zarr")[0].streams
+    assert np.isnan(streams["joint_position_targets"]).all()
+    assert np.isfinite(streams["joint_positions"]).all()
+
+
+def test_a_gripper_that_is_read_less_often_than_the_arm_is_interpolated(tmp_path: Path) -> None:
+    made = recorded_grasps(SECONDS, width_at)
+    event(made, "episode_start", 1.0)
+    event(made, "episode_end", 4.9, success=True)
+    arm = [m for m in made.messages if m.channel.kind == JOINTS]
+    made.messages = [m for m in made.messages if m.channel.kind != JOINTS]
+    for k, message in enumerate(arm):
+        less = {name: values[:-1] for name, values in message.fields.items()}
+        made.messages.append(replace(message, fields=less) if k % 2 else message)
+    import_session(made.write(tmp_path / "ses"), tmp_path / "r.zarr", ImportSettings())
+    episode = Dataset(tmp_path / "r.zarr")[0]
+    assert np.isnan(episode.own_rate["joints"]["gripper_width"]).mean() == pytest.approx(
+        0.5, abs=0.01
+    )
+    at = 1.0 + episode.streams["timestamp"]
+    assert np.allclose(episode.streams["gripper_width"], width_at(at), atol=2e-3)
+    assert np.isfinite(episode.streams["joint_positions"]).all()
+
+
+def test_an_event_whose_text_is_no_unicode_is_one_line(tmp_path: Path) -> None:
+    made = recorded_grasps(1.0, width_at)
+    event(made, "episode_start", 0.1, object="\ud800")
+    with pytest.raises(CaptureError, match="an event is no JSON with a name"):
+        import_session(made.write(tmp_path / "ses"), tmp_path / "r.zarr", ImportSettings())
+
+
+def test_infinity_is_no_measurement(tmp_path: Path) -> None:
+    made = recorded_grasps(SECONDS, width_at)
+    event(made, "episode_start", 1.0)
+    event(made, "episode_end", 4.9, success=True)
+    bad = np.array([[1.0, np.inf, 1e300, 4.0, 5.0, 6.0]])
+    made.messages = [m for m in made.messages if m.channel.kind != WRENCH]
+    made.wrench(np.repeat(bad, 3000, axis=0), 500.0).taxels(np.full((2, 2), np.inf, np.float32))
+    made.messages[-1] = replace(made.messages[-1], log_ns=START + 2 * 10**9)
+    import_session(made.write(tmp_path / "ses"), tmp_path / "r.zarr", ImportSettings())
+    episode = Dataset(tmp_path / "r.zarr")[0]
+    expected = [1.0, np.nan, np.nan, 4.0, 5.0, 6.0]
+    assert np.array_equal(episode.own_rate["force_torque"]["wrench"][0], expected, equal_nan=True)
+    assert np.isnan(episode.own_rate["taxels"]["pressure"]).all()
+    assert verify(tmp_path / "r.zarr").problems == ()
 
 
 def test_too_low_a_quality_is_quarantined_with_the_reason(recorded: Path, tmp_path: Path) -> None:

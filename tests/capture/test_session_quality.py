@@ -118,10 +118,17 @@ def test_a_missed_tolerance_is_named_and_ends_with_1(tmp_path: Path, run: Run) -
 
 
 def test_json_has_null_for_what_cannot_be_known(tmp_path: Path, run: Run) -> None:
-    folder = SessionMaker().event("start").write(tmp_path / "in")
+    folder = SessionMaker().joints(np.zeros((20, 7)), 100.0).write(tmp_path / "in")
     code, out, _ = run("capture", "check", folder, "--json")
     assert code == 0
     assert json.loads(out)["inspection"]["sharpness"] is None
+
+
+def test_a_session_without_samples_has_no_quality(tmp_path: Path, run: Run) -> None:
+    folder = SessionMaker().event("start").write(tmp_path / "in")
+    code, out, err = run("capture", "check", folder)
+    assert (code, out) == (1, "")
+    assert "has no samples of a device: there is nothing to check" in err
 
 
 def test_without_a_count_the_rate_of_the_settings_tells_what_is_lost(tmp_path: Path) -> None:

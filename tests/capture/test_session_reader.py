@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
-from support.sessions import IMU, START, SessionMaker
+from support.sessions import IMU, JOINTS, START, Channel, Recorded, SessionMaker
 
 from grasp_factory.capture.ros_messages import decoded, definition_of
 from grasp_factory.capture.samples import DeviceKind
@@ -223,6 +223,20 @@ def test_joints_that_change_their_number_are_refused(tmp_path: Path) -> None:
     made = SessionMaker().joints(np.zeros((1, 6)), 500.0).joints(np.zeros((1, 7)), 500.0)
     with pytest.raises(CaptureError, match="different numbers of values"):
         read_series(made.write(tmp_path / "in"))
+
+
+def test_a_gripper_that_is_read_less_often_than_the_arm_is_nan_between(tmp_path: Path) -> None:
+    arm = Channel(topic="/arm/joint_states", kind=JOINTS, device="arm", device_kind="joints")
+    made = SessionMaker()
+    for k, names in enumerate((["a", "b"], ["a", "gripper", "b"], ["a", "b"])):
+        values = np.arange(len(names)) + 10.0 * k
+        fields = {"name": names, "position": values, "velocity": values, "effort": np.array([])}
+        made.messages.append(Recorded(channel=arm, log_ns=START + k, fields=fields))
+    found = read_series(made.write(tmp_path / "in"))["/arm/joint_states"]
+    expected = [[0, 1, np.nan], [10, 12, 11], [20, 21, np.nan]]
+    assert found.has_gripper
+    assert np.array_equal(found.values["positions"], expected, equal_nan=True)
+    assert found.values["efforts"].shape == (3, 0)
 
 
 @pytest.mark.usefixtures("isolated")

@@ -105,7 +105,7 @@ def _curves(
     contents: SessionContents, tracks: SessionTracks, start_ns: int
 ) -> Sequence[OverviewCurve]:
     found: dict[str, tuple[Ticks, Array]] = {}
-    if grip := gripper_series(contents, tracks):
+    if grip := gripper_series(tracks):
         found["gripper_width"] = grip
     if force := tracks.force_torque:
         found["force"] = force.times_ns, np.linalg.norm(force.values("wrench")[:, :3], axis=1)

@@ -22,6 +22,8 @@ MARK, LABEL = "mark", "label"
 _MOST_CHARACTERS = 10_000_000
 _COLUMNS = ("start", "end", "outcome")
 _LATEST_S = 1e7
+_LATE_NS = 1_000_000_000
+"""How much later than the session an episode of a list may end; it then ends with the session."""
 _VALID = "start and end in seconds, start first, and an outcome such as success or nothing"
 
 
@@ -53,10 +55,10 @@ def cuts_of(
         listed: the list, for that method.
 
     Raises:
-        CaptureError: if there is none, or two of a list overlap.
+        CaptureError: if there is none, or two of a list overlap, or one is outside of the session.
     """
     if settings.cut is CutMethod.LIST:
-        found = sorted(listed, key=lambda cut: cut.start_ns)
+        found = _inside(sorted(listed, key=lambda cut: cut.start_ns), span_ns)
     elif settings.cut is CutMethod.GRIPPER:
         found = _by_gripper(closings, span_ns, settings)
     else:
@@ -81,6 +83,19 @@ def check_apart(cuts: Sequence[Cut], origin_ns: int) -> None:
         if after.start_ns <= before.end_ns:
             at = (after.start_ns - origin_ns) / 1e9
             raise CaptureError(f"the episode from {at:.3f} s on begins before the last one ends")
+
+
+def _inside(cuts: Sequence[Cut], span_ns: tuple[int, int]) -> list[Cut]:
+    """Return the episodes of a list, whose times are rounded: the last may end a little late."""
+    first, last = span_ns
+    for cut in cuts:
+        if cut.end_ns > last + _LATE_NS or cut.start_ns >= last:
+            start, end, length = ((at - first) / 1e9 for at in (cut.start_ns, cut.end_ns, last))
+            raise CaptureError(
+                f"the episode from {start:.3f} to {end:.3f} s is not inside of the session, which"
+                f" is {length:.3f} s long"
+            )
+    return [replace(cut, end_ns=min(cut.end_ns, last)) for cut in cuts]
 
 
 def _by_events(events: Sequence[RecordedEvent], span_ns: tuple[int, int]) -> list[Cut]:
@@ -132,7 +147,7 @@ def read_text(file: Path) -> str:
         UsageError: if it cannot be read, or is too large.
     """
     try:
-        with os.fdopen(open_regular(file, os.O_RDONLY), encoding="utf-8", newline="") as stream:
+        with os.fdopen(open_regular(file, os.O_RDONLY), encoding="utf-8-sig", newline="") as stream:
             text = stream.read(_MOST_CHARACTERS + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"--cuts {file} cannot be read: {error}") from None
@@ -186,7 +201,8 @@ def cut_of(start_s: float, end_s: float, outcome: str, source: str) -> Cut:
     Raises:
         UsageError: if it cannot be one.
     """
-    if not (0.0 <= start_s < end_s <= _LATEST_S and (not outcome or outcome in names(Outcome))):
+    is_span = 0.0 <= start_s < end_s <= _LATEST_S and round(start_s * 1e9) < round(end_s * 1e9)
+    if not (is_span and (not outcome or outcome in names(Outcome))):
         got = shown([start_s, end_s, outcome])
         raise UsageError(f"{source}: got {got}, valid: {_VALID}")
     return Cut(start_ns=round(start_s * 1e9), end_ns=round(end_s * 1e9), outcome=outcome)
@@ -194,6 +210,8 @@ def cut_of(start_s: float, end_s: float, outcome: str, source: str) -> Cut:
 
 def _listed(source: str, number: int, row: list[str]) -> Cut:
     where = f"{source}: line {number}"
+    if len(row) > len(_COLUMNS):
+        raise UsageError(f"{where}: got {shown(row)}, valid: {_VALID}")
     try:
         start, end = (float(word) for word in row[:2])
     except ValueError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from grasp_factory.core.geometry import Array
 from grasp_factory.errors import CaptureError, UsageError, shown
 from grasp_factory.signals.timeline import Ticks
 
-GRIPPER = "gripper"
-"""Name of the joint whose position is the gripper's width, m."""
+_LARGEST = float(np.finfo(np.float32).max)
+Real = TypeVar("Real", np.float32, np.float64)
 _FEWEST_COUNTED = 100
 """A period that is known from fewer samples is too uncertain."""
 _COUNT_DRIFT_PPM = 20_000.0
@@ -41,8 +41,8 @@ class RecordedTrack:
     """The report of the fit; empty for a device without a clock."""
 
     def values(self, name: str) -> Array:
-        """Return an array of the series, (K, ...)."""
-        return self.series.values[name][self.places]
+        """Return an array of the series, (K, ...); infinity is no measurement: NaN."""
+        return measured(self.series.values[name][self.places])
 
     def within(self, start_ns: int, end_ns: int) -> slice:
         """Return the samples of a span, both ends included."""
@@ -99,6 +99,7 @@ def tracks_of(contents: SessionContents, settings: ImportSettings) -> SessionTra
         for each in contents.series.values()
         if each.kind is DeviceKind.CAMERA and each.message_type == IMAGE and len(each)
     ]
+    states: RecordedTrack | None = pick(DeviceKind.JOINTS, JOINT_STATE, settings.joints)
     is_depth = {each.topic: each.topic in contents.depth_topics for each in images}
     return SessionTracks(
         cameras={e.device: track_of(e, settings) for e in images if not is_depth[e.topic]},
@@ -106,8 +107,13 @@ def tracks_of(contents: SessionContents, settings: ImportSettings) -> SessionTra
         imu=pick(DeviceKind.IMU, IMU, settings.imu),
         force_torque=pick(DeviceKind.FORCE_TORQUE, WRENCH, settings.force_torque),
         taxels=pick(DeviceKind.TACTILE, IMAGE, settings.tactile),
-        joint_states=pick(DeviceKind.JOINTS, JOINT_STATE, settings.joints),
-        joint_commands=pick(DeviceKind.JOINTS, JOINT_STATE, settings.joints, commands=True),
+        joint_states=states,
+        joint_commands=pick(
+            DeviceKind.JOINTS,
+            JOINT_STATE,
+            states.series.device if states else settings.joints,
+            commands=True,
+        ),
     )
 
 
@@ -160,17 +166,23 @@ def _fit(series: DeviceSeries, arrived: Ticks, latency_s: float) -> ClockFit | N
     return fit if is_steady else None
 
 
-def gripper_column(contents: SessionContents, track: RecordedTrack | None) -> int | None:
+def measured(values: NDArray[Real]) -> NDArray[Real]:
+    """Return a copy of values with NaN where one is no number that a store can hold (float32)."""
+    return np.where(np.abs(values) <= _LARGEST, values, np.nan).astype(values.dtype)
+
+
+def gripper_column(track: RecordedTrack | None) -> int | None:
     """Return the column of the gripper among the joints; None without one."""
-    names = contents.joint_names.get(track.series.topic, ()) if track else ()
-    return names.index(GRIPPER) if GRIPPER in names else None
+    if track is None or not track.series.has_gripper:
+        return None
+    return -1
 
 
-def gripper_series(contents: SessionContents, tracks: SessionTracks) -> tuple[Ticks, Array] | None:
+def gripper_series(tracks: SessionTracks) -> tuple[Ticks, Array] | None:
     """Return times (K,) in ns and widths (K,) in m of the gripper, without NaN; None without."""
     track = tracks.joint_states
-    column = gripper_column(contents, track)
-    if track is None or column is None:
+    column = gripper_column(track)
+    if track is None or column is None or not track.series.values["positions"].size:
         return None
     width = track.values("positions")[:, column]
     there = np.isfinite(width)

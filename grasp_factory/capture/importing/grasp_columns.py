@@ -40,5 +40,5 @@ def closings_of(
     contents: SessionContents, tracks: SessionTracks, settings: ImportSettings
 ) -> tuple[GripperClosing, ...]:
     """Return every closing of the gripper in a session."""
-    grip = gripper_series(contents, tracks)
+    grip = gripper_series(tracks)
     return tuple(closings(*grip, settings.min_stroke_m)) if grip else ()

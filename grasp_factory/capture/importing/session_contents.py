@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.capture.bags.payloads import taxel_reading
 from grasp_factory.capture.privacy.camera_images import is_camera_image
-from grasp_factory.capture.ros_messages import IMAGE, JOINT_STATE, decoded
+from grasp_factory.capture.ros_messages import IMAGE, decoded
 from grasp_factory.capture.samples import DeviceKind
 from grasp_factory.capture.session_reader import (
     CALIBRATION_FOLDER,
@@ -63,8 +63,6 @@ class SessionContents:
     series: Mapping[str, DeviceSeries] = field(default_factory=dict)
     """By topic."""
     events: tuple[RecordedEvent, ...] = ()
-    joint_names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """By topic of joint states or commands."""
     taxels: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     """(N, rows, columns) by topic."""
     intrinsics: Mapping[str, Array] = field(default_factory=dict)
@@ -107,7 +105,6 @@ def read_contents(session: Path) -> SessionContents:
 class _Collector:
     builders: dict[str, SeriesBuilder] = field(default_factory=dict)
     events: list[RecordedEvent] = field(default_factory=list)
-    names: dict[str, tuple[str, ...]] = field(default_factory=dict)
     taxels: dict[str, list[NDArray[np.float32]]] = field(default_factory=dict)
     intrinsics: dict[str, Array] = field(default_factory=dict)
     depth: set[str] = field(default_factory=set)
@@ -118,8 +115,6 @@ class _Collector:
         self.builders.setdefault(topic.name, SeriesBuilder(topic)).add(message)
         if topic.name == EVENTS_TOPIC:
             self._add_event(message)
-        elif topic.message_type == JOINT_STATE and topic.name not in self.names:
-            self.names[topic.name] = tuple(map(str, decoded(message).name))
         elif topic.message_type == IMAGE and topic.kind is DeviceKind.TACTILE:
             self._add_taxels(message)
         elif topic.message_type == CAMERA_INFO and topic.device not in self.intrinsics:
@@ -135,6 +130,7 @@ class _Collector:
         try:
             fields = dict(parsed(text))
             name = str(fields.pop("event"))
+            json.dumps(fields, ensure_ascii=False).encode()  # fails for half a surrogate pair
         except (ValueError, TypeError, KeyError, RecursionError):
             raise CaptureError(f"an event is no JSON with a name: {shown(text)}") from None
         self.events.append(RecordedEvent(name=name, time_ns=message.log_time_ns, fields=fields))
@@ -168,7 +164,6 @@ def _read(session: Path, report: SendMessage) -> SessionContents:
         settings={},
         series={name: builder.series() for name, builder in sorted(found.builders.items())},
         events=tuple(sorted(found.events, key=lambda event: event.time_ns)),
-        joint_names=found.names,
         taxels={name: np.stack(frames) for name, frames in found.taxels.items()},
         intrinsics=found.intrinsics,
         depth_topics=frozenset(found.depth),

@@ -167,7 +167,7 @@ class SessionImport:
             plan, found, contents, devices, config=config, settings=self.settings
         )
         columns = self._columns(spec, labels, span) | quality.columns()
-        columns |= grasp_columns(closing, gripper_series(contents, self.tracks), streams, at, span)
+        columns |= grasp_columns(closing, gripper_series(self.tracks), streams, at, span)
         columns["depth_holes"] = max(
             float(np.isnan(arrays["depth"][0]).mean()) for arrays in cameras.values()
         )
@@ -182,7 +182,7 @@ class SessionImport:
         if tracks.force_torque:
             values = tracks.force_torque.values("wrench")[:, :3]
             forces = tracks.force_torque.times_ns, values
-        grip, end_ns = gripper_series(contents, tracks), source.end_ns
+        grip, end_ns = gripper_series(tracks), source.end_ns
         width = gripper_label(closing, grip, end_ns, self.settings.min_width_m)
         force = force_label(closing, forces, end_ns, self.settings)
         cut = Cut(start_ns=source.start_ns, end_ns=end_ns, outcome=source.label)

@@ -12,6 +12,7 @@ from grasp_factory.capture.importing.device_tracks import (
     RecordedTrack,
     SessionTracks,
     gripper_column,
+    measured,
 )
 from grasp_factory.capture.importing.import_settings import ImportSettings
 from grasp_factory.capture.importing.session_contents import SessionContents
@@ -47,14 +48,13 @@ class EpisodeSpan:
         return (self.end_ns - self.start_ns) / _NS
 
 
-def joint_arrays(contents: SessionContents, tracks: SessionTracks, joints: int) -> dict[str, Array]:
+def joint_arrays(tracks: SessionTracks, joints: int) -> dict[str, Array]:
     """Return the states of joints and gripper (N, ...) of the whole session, by name.
 
     The joints of the store that the arm does not have are NaN.
 
     Args:
-        contents: the session.
-        tracks: its devices.
+        tracks: the devices of the session.
         joints: of the store.
 
     Raises:
@@ -63,7 +63,7 @@ def joint_arrays(contents: SessionContents, tracks: SessionTracks, joints: int) 
     track = tracks.joint_states
     if track is None:
         return {}
-    column = gripper_column(contents, track)
+    column = gripper_column(track)
     found = {
         name: _arm(track.values(of), column, joints, len(track.times_ns))
         for name, of in (("positions", "positions"), ("velocities", "velocities"),
@@ -75,14 +75,12 @@ def joint_arrays(contents: SessionContents, tracks: SessionTracks, joints: int) 
     return found | {"gripper_width": width, "gripper_force": force}
 
 
-def command_arrays(
-    contents: SessionContents, tracks: SessionTracks, joints: int
-) -> dict[str, Array]:
+def command_arrays(tracks: SessionTracks, joints: int) -> dict[str, Array]:
     """Return the commands to joints and gripper; see ``joint_arrays``."""
     track = tracks.joint_commands
     if track is None:
         return {}
-    column = gripper_column(contents, track)
+    column = gripper_column(track)
     values, count = track.values("positions"), len(track.times_ns)
     return {
         "position_targets": _arm(values, column, joints, count),
@@ -114,11 +112,18 @@ def on_timeline(
     at: Array,
     settings: ImportSettings,
 ) -> dict[str, Array]:
-    """Return arrays of a track at instants, by linear interpolation; NaN across long gaps."""
+    """Return arrays of a track at instants, by linear interpolation; NaN across long gaps.
+
+    Samples in which nothing of an array was measured are left out: they are part of a gap.
+    """
     if track is None:
         return {}
     times = span.seconds(track)
-    streams = {name: (times, values) for name, values in arrays.items()}
+    streams = {}
+    for name, values in arrays.items():
+        there = np.isfinite(values.reshape(len(values), -1)).any(axis=1)
+        kept = there if there.any() else np.ones_like(there)
+        streams[name] = times[kept], values[kept]
     found = interpolate(streams, at, SyncSettings(slop_s=settings.max_gap_s))
     return {name: each.values for name, each in found.items()}
 
@@ -134,12 +139,8 @@ def stream_arrays(
 ) -> dict[str, Any]:
     """Return what is known of the streams, (n, ...) at the instants ``at``, by name."""
     joints = len(ROBOTS[robot].arm_joints)
-    state = on_timeline(
-        tracks.joint_states, joint_arrays(contents, tracks, joints), span, at, settings
-    )
-    state |= on_timeline(
-        tracks.joint_commands, command_arrays(contents, tracks, joints), span, at, settings
-    )
+    state = on_timeline(tracks.joint_states, joint_arrays(tracks, joints), span, at, settings)
+    state |= on_timeline(tracks.joint_commands, command_arrays(tracks, joints), span, at, settings)
     found: dict[str, Any] = {
         name if name in _GRIPPER else f"joint_{name}": values for name, values in state.items()
     }
@@ -180,11 +181,11 @@ def own_series(
     if tracks.force_torque:
         add("force_torque", tracks.force_torque, {"wrench": tracks.force_torque.values("wrench")})
     if tracks.taxels:
-        frames = contents.taxels[tracks.taxels.series.topic][tracks.taxels.places]
+        frames = measured(contents.taxels[tracks.taxels.series.topic][tracks.taxels.places])
         add("taxels", tracks.taxels, {"pressure": frames})
     if tracks.joint_states:
-        states = joint_arrays(contents, tracks, joints)
-        commands = command_arrays(contents, tracks, joints)
+        states = joint_arrays(tracks, joints)
+        commands = command_arrays(tracks, joints)
         times = span.seconds(tracks.joint_states)
         if tracks.joint_commands:
             latest = np.searchsorted(span.seconds(tracks.joint_commands), times, side="right") - 1

@@ -31,6 +31,7 @@ from grasp_factory.capture.session_settings import session_settings
 from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.executors.import_process import in_import_process
 from grasp_factory.core.serialization import is_number
+from grasp_factory.errors import CaptureError
 from grasp_factory.labels.image_metrics import MID_GREY
 
 _REGULAR = (IMAGE, IMU, WRENCH, JOINT_STATE)
@@ -76,13 +77,15 @@ def check_session(session: Path, thresholds: SessionQualityConfig | None = None)
         thresholds: bounds of the criteria; None for the default ones.
 
     Raises:
-        CaptureError: if it is no session, or damaged.
+        CaptureError: if it is no session, damaged, or without samples.
         StoreError: if it needs too much memory or time.
     """
     bounds = thresholds or SessionQualityConfig()
     settings = session_settings(session)
     calibrations = noise_calibrations(session)
     series, images = in_import_process(_read, session, session, limits=SESSION_LIMITS)
+    if not any(each.device for each in series):
+        raise CaptureError(f"{session} has no samples of a device: there is nothing to check")
     streams = [stream_quality(each, nominal_rate(settings, each.device)) for each in series]
     found = inspect_session(series, streams, images, calibrations)
     return SessionCheck(
