@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,6 +169,18 @@ def test_an_episode_outside_of_the_session_is_refused(
     with pytest.raises(CaptureError, match=r"is not inside of the session, which is 5\.998 s long"):
         import_session(recorded, tmp_path / "r.zarr", settings, listed=listed)
     assert not (tmp_path / "r.zarr").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("latency_s", 0.01), ("cameras", "front"), ("T_world_camera", np.eye(4).tolist())],
+)
+def test_a_setting_of_a_name_that_is_not_there_is_refused(
+    key: str, value: Any, recorded: Path, tmp_path: Path
+) -> None:
+    settings = from_plain(ImportSettings, {key: {"frunt": value}})
+    with pytest.raises(UsageError, match=rf"unknown .* in {key} 'frunt'; did you mean 'front'"):
+        import_session(recorded, tmp_path / "r.zarr", settings)
 
 
 def test_commands_of_one_arm_are_never_those_of_another(tmp_path: Path) -> None:

@@ -240,16 +240,12 @@ def test_files_that_may_have_images_are_not_copied(tmp_path: Path, run: Run) -> 
 
 
 @pytest.mark.parametrize(
-    "name", ["session.mcap", "session.yaml", "session.json", "calibration/imu.yaml"]
+    "name", ["session.mcap", "session.yaml", "session.json", "calibration", "calibration/imu.yaml"]
 )
 def test_a_link_in_a_session_is_refused(tmp_path: Path, name: str) -> None:
     before = session(tmp_path / "in")
     shutil.move(before / name, tmp_path / "elsewhere")
     (before / name).symlink_to(tmp_path / "elsewhere")
-    if name == "session.json":
-        blur_session(before, tmp_path / "out", BlurSettings())
-        assert not (tmp_path / "out" / name).exists()
-        return
     with pytest.raises(IrregularFileError, match="is a link"):
         blur_session(before, tmp_path / "out", BlurSettings())
     assert not (tmp_path / "out").exists()

@@ -50,7 +50,7 @@ from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.core.real_columns import Source
 from grasp_factory.core.recording_source import RecordingSource
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.errors import CaptureError
+from grasp_factory.errors import CaptureError, lookup
 from grasp_factory.robots import ROBOTS
 from grasp_factory.writers.base import Quarantined
 
@@ -237,6 +237,7 @@ def open_import(
     """
     contents = read_contents(session)
     tracks = tracks_of(contents, settings)
+    _check_names(settings, contents, list(base.cameras) if base else list(tracks.cameras))
     found = closings_of(contents, tracks, settings)
     at = shifted(listed, contents.span[0])
     cuts = cuts_of(contents.events, found, contents.span, settings, at)
@@ -249,6 +250,22 @@ def open_import(
         closings=found,
         config=config_for(base, contents, tracks, cuts, settings),
     )
+
+
+def _check_names(
+    settings: ImportSettings, contents: SessionContents, cameras: Sequence[str]
+) -> None:
+    """Check that settings by name are of devices of the session and cameras of the store.
+
+    Raises:
+        UnknownNameError: for a name that is not there.
+    """
+    devices = dict.fromkeys(each.device for each in contents.series.values() if each.device)
+    for name in settings.latency_s:
+        lookup(devices, "device in latency_s", name)
+    for key in ("cameras", "T_world_camera"):
+        for name in getattr(settings, key):
+            lookup(dict.fromkeys(cameras), f"camera in {key}", name)
 
 
 def _code(label: Outcome | None) -> int:

@@ -116,11 +116,12 @@ def _files(session: Path) -> tuple[list[Place], list[str]]:
     place = place_of(session)
     found = entries(place)
     kept = {SETTINGS_FILE, SUMMARY_FILE}
-    copied = [place / name for name in found.files if name in kept]
-    if CALIBRATION_FOLDER in found.folders:
+    copied = [place / name for name in (*found.files, *found.others) if name in kept]
+    if CALIBRATION_FOLDER in (*found.folders, *found.others):
         copied += files_below(place / CALIBRATION_FOLDER)
+        kept.add(CALIBRATION_FOLDER)
     left_out = {*found.files, *found.folders, *found.others} - {*kept, MCAP_FILE, RECOVERED_FILE}
-    return copied, sorted(left_out - {CALIBRATION_FOLDER})
+    return copied, sorted(left_out)
 
 
 def _copy(files: list[Place], built: Path) -> None:
