@@ -160,12 +160,12 @@ OTHER_STORES: dict[str, tuple[dict[str, Any], str]] = {
     "images": ({"resolution": (24, 24)}, "resolution: got (24, 24), valid: (32, 24)"),
     "a sensor of a plugin": (
         {
-            "sensors": {"tilt": [{"name": "tilt", "units": "rad"}]},
+            "sensors": {"tilt": [{"name": "tilt", "shape": [2], "units": "rad"}]},
             "plugins": {
                 "sensors": {"tilt": {"sha256": "0" * 64, "attribute": "TILT", "file": "tilt.py"}}
             },
         },
-        "sensors: got {'tilt': [{'dtype': 'float32', 'name': 'tilt', 'units': 'rad'}]}, valid: {}",
+        "sensors of plugins: got 'streams/tilt 2 float32 rad', valid: 'none'",
     ),
 }
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sensor_array import plain_sensors
+from grasp_factory.core.config.sensor_array import fields_of
 from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.object_storage.address import real_path
@@ -281,7 +281,7 @@ def _check_alike(first: EpisodeSource, other: EpisodeSource) -> None:
         ("cameras", sorted(other.config.cameras), sorted(first.config.cameras)),
         ("objects in a scene", other.config.clutter.count, first.config.clutter.count),
         *((name, getattr(other.config, name), getattr(first.config, name)) for name in _SAME),
-        ("sensors", plain_sensors(other.config.sensors), plain_sensors(first.config.sensors)),
+        ("sensors of plugins", _added_arrays(other.config), _added_arrays(first.config)),
         ("room for real episodes", _room(other.config), _room(first.config)),
     ):
         if got != valid:
@@ -298,3 +298,13 @@ def _room(config: FactoryConfig) -> str:
         return "none"
     groups = [group.name for group in series_groups() if group.is_real and group.rate(config)]
     return f"{', '.join(groups)}; taxels {room.taxel_rows} x {room.taxel_columns}"
+
+
+def _added_arrays(config: FactoryConfig) -> str:
+    """Return the arrays of a store's sensors of plugins, with all that a format depends on."""
+    arrays = [
+        " ".join(filter(None, (row.path, *map(str, row.dims[1:]), row.dtype, row.units, row.frame)))
+        + (" with gaps" if row.gaps else "")
+        for row in fields_of(config.sensors)
+    ]
+    return ", ".join(sorted(arrays)) or "none"
