@@ -11,22 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.config.sensor_array import fields_of
 from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
 from grasp_factory.core.geometry import Array
 from grasp_factory.core.object_storage.address import real_path
 from grasp_factory.core.real_columns import SOURCE, Source
 from grasp_factory.core.schema import Field
-from grasp_factory.core.sensors import series_groups
 from grasp_factory.core.triangle_mesh import TriangleMesh
-from grasp_factory.errors import UsageError, shown
-from grasp_factory.writers.zarr.embedded import embedded_in
+from grasp_factory.errors import UsageError
+from grasp_factory.writers.exporters.stores_alike import check_alike
 from grasp_factory.writers.zarr.writer import COMMITTED, QUARANTINED
 
 NO_LABEL = 255
 """Value of ``Selection.label`` for an episode that the label does not cover."""
-_SAME = ("robot", "resolution", "record_hz", "imu_rate", "video_hz")
-"""Settings that decide the shapes and clocks of the arrays, besides cameras and clutter."""
 
 
 class EpisodeSource(Protocol):
@@ -226,9 +222,7 @@ def select(chosen: Sequence[tuple[EpisodeSource, Sequence[int]]]) -> Selection:
     for source, rows in chosen:
         _check_rows(source, rows)
     sources = tuple(source for source, _ in chosen)
-    for other in sources[1:]:
-        _check_alike(sources[0], other)
-    _check_embedded(sources)
+    check_alike([(source.path, source.config) for source in sources])
     counts = [len(rows) for _, rows in chosen]
     return Selection(
         sources=sources,
@@ -243,19 +237,6 @@ def _check_named_once(stores: Sequence[Path]) -> None:
     for k, store in enumerate(stores):
         if places[k] in places[:k]:
             raise UsageError(f"{store}: the store is named twice; name each store once")
-
-
-def _check_embedded(sources: Sequence[EpisodeSource]) -> None:
-    """Check that stores which embed an object set or a model of one name embed the same."""
-    known: dict[str, tuple[str, Path]] = {}
-    for source in sources:
-        for name, sha256 in embedded_in(source.config).items():
-            first, owner = known.setdefault(name, (sha256, source.path))
-            if first != sha256:
-                raise UsageError(
-                    f"{source.path}: {name} has another content than in {owner}: export the stores"
-                    " one by one"
-                )
 
 
 def _check_rows(source: EpisodeSource, rows: Sequence[int]) -> None:
@@ -273,38 +254,3 @@ def _check_rows(source: EpisodeSource, rows: Sequence[int]) -> None:
         if row in seen:
             raise UsageError(f"{source.path}: row {row} is named twice; name each row once")
         seen.add(row)
-
-
-def _check_alike(first: EpisodeSource, other: EpisodeSource) -> None:
-    """Check that the episodes of two stores have arrays of the same names, shapes and rates."""
-    for what, got, valid in (
-        ("cameras", sorted(other.config.cameras), sorted(first.config.cameras)),
-        ("objects in a scene", other.config.clutter.count, first.config.clutter.count),
-        *((name, getattr(other.config, name), getattr(first.config, name)) for name in _SAME),
-        ("sensors of plugins", _added_arrays(other.config), _added_arrays(first.config)),
-        ("room for real episodes", _room(other.config), _room(first.config)),
-    ):
-        if got != valid:
-            raise UsageError(
-                f"{other.path}: {what}: got {shown(got)}, valid: {shown(valid)} as in"
-                f" {first.path}; export them one by one"
-            )
-
-
-def _room(config: FactoryConfig) -> str:
-    """Return which time series of real devices a store has."""
-    room = config.capture
-    if room is None:
-        return "none"
-    groups = [group.name for group in series_groups() if group.is_real and group.rate(config)]
-    return f"{', '.join(groups)}; taxels {room.taxel_rows} x {room.taxel_columns}"
-
-
-def _added_arrays(config: FactoryConfig) -> str:
-    """Return the arrays of a store's sensors of plugins, with all that a format depends on."""
-    arrays = [
-        " ".join(filter(None, (row.path, *map(str, row.dims[1:]), row.dtype, row.units, row.frame)))
-        + (" with gaps" if row.gaps else "")
-        for row in fields_of(config.sensors)
-    ]
-    return ", ".join(sorted(arrays)) or "none"
