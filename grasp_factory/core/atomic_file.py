@@ -10,6 +10,7 @@ import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -19,6 +20,8 @@ PARTIAL = ".partial"
 """Suffix of files that are being written."""
 _PARALLEL_SYNCS = 16
 """Number of parallel fsync calls; on a local disk a block's 140 files take a fifth of the time."""
+_MOST_WAITING = 1000
+"""Calls that are planned at a time; an export of many images has a million files."""
 
 
 def partial_path(file: Path) -> Path:
@@ -103,14 +106,15 @@ def fsync_descriptors(opened: Iterable[Callable[[], int]]) -> None:
 
 
 def _at_once(wait: Callable[[T], None], items: Iterable[T]) -> None:
-    waited_for = list(items)
+    left = iter(items)
     with ThreadPoolExecutor(_PARALLEL_SYNCS) as pool:
-        try:
-            done = pool.map(wait, waited_for)
-        except RuntimeError:  # the process may start no more threads
-            done = map(wait, waited_for)
-        for _ in done:
-            pass  # raises the exception of a failed fsync
+        while together := list(islice(left, _MOST_WAITING)):
+            try:
+                done = pool.map(wait, together)
+            except RuntimeError:  # the process may start no more threads
+                done = map(wait, together)
+            for _ in done:
+                pass  # raises the exception of a failed fsync
 
 
 def _fsync(path: Path) -> None:

@@ -276,7 +276,7 @@ def fsync_places(places: Iterable[Place]) -> None:
     Raises:
         OSError: if the disk fails.
     """
-    fsync_descriptors([place.open_for_sync for place in places])
+    fsync_descriptors(place.open_for_sync for place in places)
 
 
 def place_at(path: Path) -> Place:

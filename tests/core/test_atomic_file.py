@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from support.faulty_disk import FaultyDisk
 
-from grasp_factory.core.atomic_file import partial_path, replacing, write_atomic
+from grasp_factory.core.atomic_file import fsync_descriptors, partial_path, replacing, write_atomic
 
 
 def test_a_durable_write_syncs_the_content_before_the_name(tmp_path: Path) -> None:
@@ -55,3 +57,17 @@ def test_a_replacement_that_fails_removes_the_partial_file(tmp_path: Path) -> No
         partial.write_bytes(b"new")
     assert list(tmp_path.iterdir()) == [file]
     assert file.read_bytes() == b"new"
+
+
+def test_a_million_files_to_sync_are_not_all_in_memory(tmp_path: Path) -> None:
+    opened: list[str] = []
+    waiting = []
+
+    def openers() -> Iterator[Callable[[], int]]:
+        for k in range(3000):
+            waiting.append(k - len(opened))
+            yield lambda: opened.append("file") or os.open(tmp_path, os.O_RDONLY)
+
+    fsync_descriptors(openers())
+    assert len(opened) == 3000
+    assert max(waiting) <= 1000

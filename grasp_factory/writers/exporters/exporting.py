@@ -14,7 +14,7 @@ from grasp_factory.core.episode import Episode
 from grasp_factory.core.executors import SendMessage, make_executor
 from grasp_factory.core.output_folder import check_free, publish
 from grasp_factory.core.place import place_at
-from grasp_factory.core.place_tree import fsync_tree
+from grasp_factory.core.place_tree import file_facts_below, fsync_tree
 from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import StoreError, UsageError, WorkerError, shown
@@ -90,7 +90,7 @@ def run_export(
             )
             _write(exporter, job, lines, workers, on_episode)
             write_record(job, exporter, excluded, sorted(lines.iterdir()))
-            size = sum(file.stat().st_size for file in built.rglob("*") if file.is_file())
+            size = sum(facts.st_size for _, facts in file_facts_below(place_at(built)))
             fsync_tree(place_at(built))
             publish(built, out, "an export")
     except OSError as error:
