@@ -108,11 +108,16 @@ def imports(path: Path) -> frozenset[str]:
     return frozenset(found)
 
 
+@cache
+def rooms_and_root_modules() -> frozenset[str]:
+    return frozenset(map(room, modules()))
+
+
 def own_imports(path: Path) -> set[str]:
     """Return the rooms and root modules of this package that a module imports."""
     parts = [name.split(".") for name in imports(path)]
     found = {p[1] for p in parts if p[0] == "grasp_factory" and len(p) > 1}
-    return found & {room(module) for module in modules()}
+    return found & rooms_and_root_modules()
 
 
 @cache
