@@ -59,7 +59,7 @@ def test_a_replacement_that_fails_removes_the_partial_file(tmp_path: Path) -> No
     assert file.read_bytes() == b"new"
 
 
-def test_a_million_files_to_sync_are_not_all_in_memory(tmp_path: Path) -> None:
+def test_many_files_to_sync_are_not_all_in_memory(tmp_path: Path) -> None:
     opened: list[str] = []
     waiting = []
 

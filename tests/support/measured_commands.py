@@ -8,7 +8,8 @@ from __future__ import annotations
 import multiprocessing
 import os
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -29,7 +30,7 @@ class MeasuredCommand:
     out: str
     err: str
     seconds: float
-    """Processor time, s; its children's too."""
+    """From its start to its end, s."""
     peak_kb: int
     """Largest resident set of the process or a child, with all that was imported."""
 
@@ -37,7 +38,8 @@ class MeasuredCommand:
 def run_apart(arguments: Sequence[str], folder: Path) -> MeasuredCommand:
     """Run the command with some arguments, in the working directory; its output goes to files."""
     near, far = _CONTEXT.Pipe(duplex=False)
-    process = _CONTEXT.Process(target=_measure, args=(far, [*arguments], folder, Path.cwd()))
+    where = [*arguments], folder, Path.cwd(), dict(os.environ)
+    process = _CONTEXT.Process(target=_measure, args=(far, *where))
     with patch.dict(os.environ, PYTHONPATH=_PATH):
         process.start()
     far.close()
@@ -48,18 +50,28 @@ def run_apart(arguments: Sequence[str], folder: Path) -> MeasuredCommand:
     return MeasuredCommand(code=code, out=out, err=err, seconds=seconds, peak_kb=peak_kb)
 
 
-def _measure(answer: Connection, arguments: list[str], folder: Path, there: Path) -> None:
+def _measure(
+    answer: Connection,
+    arguments: list[str],
+    folder: Path,
+    there: Path,
+    environment: Mapping[str, str],
+) -> None:
+    started = time.monotonic()
     process = os.fork()
     if not process:
-        _become_the_command(arguments, folder, there)
+        _become_the_command(arguments, folder, there, environment)
     _, status, used = os.wait4(process, 0)
-    answer.send((status, used.ru_utime + used.ru_stime, used.ru_maxrss))
+    answer.send((status, time.monotonic() - started, used.ru_maxrss))
 
 
-def _become_the_command(arguments: list[str], folder: Path, there: Path) -> None:
+def _become_the_command(
+    arguments: list[str], folder: Path, there: Path, environment: Mapping[str, str]
+) -> None:
     from grasp_factory.__main__ import main
 
-    os.environ.pop("PYTHONPATH", None)
+    os.environ.clear()  # it is that of the server
+    os.environ.update(environment)
     os.chdir(there)
     Path("/proc/self/clear_refs").write_text("5")  # its peak begins with that of the server
     for number, name in ((0, os.devnull), (1, folder / "stdout"), (2, folder / "stderr")):

@@ -55,7 +55,7 @@ def cuts_of(
         listed: the list, for that method.
 
     Raises:
-        CaptureError: if there is none, or two of a list overlap, or one is outside of the session.
+        CaptureError: if no episode is found, if two of a list overlap, or if one is outside.
     """
     if settings.cut is CutMethod.LIST:
         found = _inside(sorted(listed, key=lambda cut: cut.start_ns), span_ns)
