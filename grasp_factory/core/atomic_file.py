@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from itertools import islice
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import chain, islice
 from pathlib import Path
+from threading import Lock
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -20,8 +21,6 @@ PARTIAL = ".partial"
 """Suffix of files that are being written."""
 _PARALLEL_SYNCS = 16
 """Number of parallel fsync calls; on a local disk a block's 140 files take a fifth of the time."""
-_MOST_WAITING = 1000
-"""Calls that are planned at a time; an export of many images has a million files."""
 
 
 def partial_path(file: Path) -> Path:
@@ -106,15 +105,26 @@ def fsync_descriptors(opened: Iterable[Callable[[], int]]) -> None:
 
 
 def _at_once(wait: Callable[[T], None], items: Iterable[T]) -> None:
-    left = iter(items)
+    waiting = iter(items)
+    first = list(islice(waiting, _PARALLEL_SYNCS))
+    left, lock = chain(first, waiting), Lock()
+
+    def until_none_is_left() -> None:
+        while True:
+            with lock:
+                item = next(left, None)
+            if item is None:
+                return
+            wait(item)
+
+    running: list[Future[None]] = []
     with ThreadPoolExecutor(_PARALLEL_SYNCS) as pool:
-        while together := list(islice(left, _MOST_WAITING)):
-            try:
-                done = pool.map(wait, together)
-            except RuntimeError:  # the process may start no more threads
-                done = map(wait, together)
-            for _ in done:
-                pass  # raises the exception of a failed fsync
+        with contextlib.suppress(RuntimeError):  # the process may start no more threads
+            running.extend(pool.submit(until_none_is_left) for _ in first)
+        if not running:
+            until_none_is_left()
+    for done in running:
+        done.result()  # raises the exception of a failed fsync
 
 
 def _fsync(path: Path) -> None:

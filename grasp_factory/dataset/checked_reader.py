@@ -122,8 +122,11 @@ class CheckedArray(StoredArray):
         status = self._arrays[schema.STATUS.path].read(start, stop)
         if self._digest_column is None:
             checksums = self._arrays[schema.CHECKSUM.path].read(start, stop)
+            errors = self._arrays[schema.ERROR.path].read(start, stop)
             for k in range(stop - start):
-                if not self._agrees(start + k, int(status[k]), str(checksums[k])):
+                if not self._agrees(
+                    start + k, int(status[k]), str(checksums[k]), has_error=bool(errors[k])
+                ):
                     self._refuse(start + k)
                 if self._path == schema.FINGERPRINT.path:
                     self._check_fingerprint(start + k, int(status[k]), str(values[k]))
@@ -160,10 +163,10 @@ class CheckedArray(StoredArray):
             return stored == self._quarantined(row)
         return is_fill(fixed(value), self._field.fill)
 
-    def _agrees(self, row: int, status: int, stored: str) -> bool:
+    def _agrees(self, row: int, status: int, stored: str, *, has_error: bool) -> bool:
         """Return whether a row's checksum and error agree with its status."""
         if status == COMMITTED:
-            return bool(stored) and not str(self._arrays[schema.ERROR.path].read(row, row + 1)[0])
+            return bool(stored) and not has_error
         if status == QUARANTINED:
             return stored == self._quarantined(row)
         return status == MISSING and (not stored or self._is_unfinished(row))

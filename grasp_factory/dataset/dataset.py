@@ -189,19 +189,19 @@ class Dataset(AnnotatedEpisodes):
         return recipe_mesh(self.paths[0], self.config, recipe)
 
     def value(self, index: int, column: str) -> Any:
-        """Return the value of one column for one episode; no other column is read.
+        """Return one column's value of one episode, a scalar, string or array; see ``values``."""
+        return self.values([index], column)[0]
 
-        Returns:
-            A numpy scalar, a string, or an array for columns with more than one value per row.
+    def values(self, indices: Iterable[int], column: str) -> NDArray[Any]:
+        """Return one column's values of K episodes, (K, ...); only their blocks are read.
 
         Raises:
             UnknownNameError: listing the columns.
-            IndexError: naming the valid range.
-            StoreError: if the row is missing, quarantined or damaged.
+            TypeError, IndexError, StoreError: as for ``dataset[indices]``.
         """
         self._check_column(column)
-        i = self._rows.committed(index)
-        return self._arrays[f"episodes/{column}"].read(i, i + 1)[0]
+        rows = self._rows.several(indices)
+        return self._arrays[f"episodes/{column}"].gather(rows, self.config.block_size)
 
     def arrays(self) -> dict[str, zarr.Array[Any]]:
         """Return every array of the whole store by its path, including added labels."""

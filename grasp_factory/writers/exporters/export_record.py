@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,30 +33,44 @@ VERSION = 1
 """Of the layout of both files."""
 
 
-def episode_line(episodes: Selection, place: int, episode: Episode) -> str:
-    """Return the line of an episode in ``grasp_factory_episodes.jsonl``."""
-    store, row = episodes.origin(place)
+def line_of_each(episodes: Selection, places: Sequence[int]) -> Callable[[int, Episode], str]:
+    """Return a function that returns an episode's line in ``grasp_factory_episodes.jsonl``.
+
+    Args:
+        episodes: the episodes of the export.
+        places: the numbers of those that the function will be called with.
+
+    Raises:
+        StoreError: if a store is damaged.
+    """
     fields = episodes.fields
-    line = {
-        "episode": place,
-        "store": store,
-        "row": row,
-        "checksum": str(episodes.value(place, "checksum")),
-        "fingerprint": _fingerprint(episodes, place),
-        "columns": plain_columns(episode),
-        "arrays": {
-            path: plain(values)
-            for path, values in episode.contents().items()
-            if is_small(fields.get(path))
-        },
-    }
-    return json.dumps(line, allow_nan=False) + "\n"
+    checksums = _words(episodes, places, "checksum")
+    has_one = FINGERPRINT.path in fields  # stores of old versions have no fingerprint
+    fingerprints = _words(episodes, places, "fingerprint") if has_one else {}
+
+    def line(place: int, episode: Episode) -> str:
+        store, row = episodes.origin(place)
+        contents = episode.contents()
+        said = {
+            "episode": place,
+            "store": store,
+            "row": row,
+            "checksum": checksums[place],
+            "fingerprint": fingerprints.get(place, ""),
+            "columns": plain_columns(episode.spec, contents),
+            "arrays": {
+                path: plain(values)
+                for path, values in contents.items()
+                if is_small(fields.get(path))
+            },
+        }
+        return json.dumps(said, allow_nan=False) + "\n"
+
+    return line
 
 
-def _fingerprint(episodes: Selection, place: int) -> str:
-    """Return the text of the platform that made an episode; empty for stores of old versions."""
-    has_one = FINGERPRINT.path in episodes.fields
-    return str(episodes.value(place, "fingerprint")) if has_one else ""
+def _words(episodes: Selection, places: Sequence[int], column: str) -> dict[int, str]:
+    return dict(zip(places, map(str, episodes.values(places, column)), strict=True))
 
 
 def is_small(field: Field | None) -> bool:

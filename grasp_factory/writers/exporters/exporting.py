@@ -19,7 +19,7 @@ from grasp_factory.core.scratch_folder import scratch_folder
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.errors import StoreError, UsageError, WorkerError, shown
 from grasp_factory.writers.exporters.base import ExportContents, Exporter, ExportJob, ExportPart
-from grasp_factory.writers.exporters.export_record import episode_line, write_record
+from grasp_factory.writers.exporters.export_record import line_of_each, write_record
 from grasp_factory.writers.exporters.selection import EpisodeSource, Selection, select
 
 _LONGEST_PREFIX = 40
@@ -144,12 +144,13 @@ def _write_part(
     report: SendMessage,
 ) -> Any:
     number, places = part
+    line = line_of_each(job.episodes, places)
     with (lines / f"{number:08d}").open("w", encoding="utf-8") as file:
 
         def episodes() -> Iterator[tuple[int, Episode]]:
             for place, episode in job.episodes.each(places):
                 yield place, episode
-                file.write(episode_line(job.episodes, place, episode))
+                file.write(line(place, episode))
                 report(place)
 
         return exporter.write_part(

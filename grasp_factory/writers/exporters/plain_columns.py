@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from numpy.typing import NDArray
 
 from grasp_factory.core.enums import label_names, word_of
-from grasp_factory.core.episode import Episode
+from grasp_factory.core.episode import EpisodeSpec
 from grasp_factory.core.field import LABELS
 from grasp_factory.core.schema import FIELDS
 from grasp_factory.core.serialization import to_plain
@@ -16,20 +17,24 @@ from grasp_factory.writers.exporters.json_file import finite
 _CODED = {row.path: row.names for row in FIELDS if row.names}
 
 
-def plain_columns(episode: Episode) -> dict[str, Any]:
-    """Return the columns by name as scalars, lists and, for the recipe, a dict.
+def plain_columns(spec: EpisodeSpec, contents: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Return an episode's columns by name as scalars, lists and, for the recipe, a dict.
 
     A coded value is its word. NaN, and a coded value that was not measured, are None. The other
     values are those of the store.
+
+    Args:
+        spec: the recipe.
+        contents: what ``Episode.contents`` returns.
     """
-    labels = label_names(len(episode.spec.objects))
+    labels = label_names(len(spec.objects))
     columns: dict[str, Any] = {}
-    for path, values in episode.contents().items():
+    for path, values in contents.items():
         if path.startswith("episodes/"):
             words = labels if _CODED.get(path) == LABELS else _CODED.get(path)
             value = word_of(int(values), words) if words else plain(values)
             columns[path.removeprefix("episodes/")] = value
-    return columns | {"spec": to_plain(episode.spec)}
+    return columns | {"spec": to_plain(spec)}
 
 
 def plain(values: NDArray[Any]) -> Any:

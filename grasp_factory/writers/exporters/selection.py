@@ -68,6 +68,9 @@ class EpisodeSource(Protocol):
     def value(self, index: int, column: str) -> Any:
         """Return one column's value of one episode."""
 
+    def values(self, indices: Iterable[int], column: str) -> NDArray[Any]:
+        """Return one column's values of K episodes, (K, ...)."""
+
     def spec(self, index: int) -> EpisodeSpec:
         """Return the recipe of the episode at a row."""
 
@@ -119,10 +122,15 @@ class Selection:
         Raises:
             StoreError: if one is damaged.
         """
-        changes = np.flatnonzero(np.diff(self.store[np.asarray(places)])) + 1
-        for run in np.split(np.asarray(places), changes):
-            source = self.sources[self.store[run[0]]]
+        for source, run in self._runs(places):
             yield from zip(run.tolist(), source.iter_episodes(self.row[run]), strict=True)
+
+    def _runs(self, places: Sequence[int]) -> Iterator[tuple[EpisodeSource, NDArray[np.int64]]]:
+        """Yield numbers of episodes as runs of the same store, each with this store."""
+        numbers = np.asarray(places)
+        changes = np.flatnonzero(np.diff(self.store[numbers])) + 1
+        for run in np.split(numbers, changes):
+            yield self.sources[self.store[run[0]]], run
 
     @property
     def config(self) -> FactoryConfig:
@@ -191,6 +199,11 @@ class Selection:
         """Return one column's value of an episode; only its chunk is read."""
         store, row = self.origin(place)
         return self.sources[store].value(row, column)
+
+    def values(self, places: Sequence[int], column: str) -> NDArray[Any]:
+        """Return one column's values of K episodes, (K, ...); only their chunks are read."""
+        parts = [source.values(self.row[run], column) for source, run in self._runs(places)]
+        return np.concatenate(parts)
 
     def spec(self, place: int) -> EpisodeSpec:
         """Return the recipe of an episode; no other array is read."""

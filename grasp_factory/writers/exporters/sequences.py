@@ -61,7 +61,8 @@ def write_part(job: ExportJob, part: ExportPart) -> None:
         names = [f"{place:06d}_{camera}" for camera in episode.cameras]
         for name, camera in zip(names, episode.cameras, strict=True):
             _write_sequence(job.folder / "sequences" / name, episode, camera)
-        annotation = {"sequences": names, "success": episode.success, **plain_columns(episode)}
+        columns = plain_columns(episode.spec, episode.contents())
+        annotation = {"sequences": names, "success": episode.success, **columns}
         write_json(job.folder / "annotations" / f"{place:06d}.json", annotation)
 
 

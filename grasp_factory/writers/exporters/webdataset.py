@@ -81,10 +81,11 @@ def sample(episode: Episode) -> Iterator[tuple[str, bytes]]:
 
     A reader takes what follows the first dot as the name of a file's content, in lower case.
     """
-    label = plain_columns(episode)
+    contents = episode.contents()
+    label = plain_columns(episode.spec, contents)
     yield "json", json.dumps(label, allow_nan=False).encode()
     yield "cls", str(int(episode.success)).encode()
-    for path, values in episode.contents().items():
+    for path, values in contents.items():
         group, _, name = path.partition("/")
         if group == "episodes":
             continue

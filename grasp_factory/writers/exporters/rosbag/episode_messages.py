@@ -33,7 +33,7 @@ def episode_messages(scene: BagScene) -> Iterator[StampedMessage]:
 
 def episode_text(scene: BagScene) -> StampedMessage:
     """Return the columns as JSON, and under ``cameras`` the cameras' names by that in topics."""
-    columns = plain_columns(scene.episode)
+    columns = plain_columns(scene.episode.spec, scene.episode.contents())
     columns["cameras"] = {topic: camera for camera, topic in scene.cameras.items()}
     topic = Topic(name="/episode", kind="std_msgs/msg/String", is_latched=True)
     text = json.dumps(columns, allow_nan=False)
