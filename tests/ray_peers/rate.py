@@ -21,7 +21,7 @@ from pathlib import Path
 
 from ray_peers.cluster import Nodes, descendants, two_nodes
 
-N, BLOCK, WORKERS, APART = 160, 2, 2, 2
+N, BLOCK, WORKERS, APART = 240, 8, 2, 2
 COMMAND = (
     *(sys.executable, "-m", "grasp_factory", "generate", "--n", str(N), "--quiet"),
     *("--set", f"block_size={BLOCK}"),
@@ -60,12 +60,12 @@ def _finished(out: Path) -> int:
 
 
 def _used(pids: set[int]) -> float:
-    """Return the seconds of the processor that processes have used."""
+    """Return the seconds of the processor that processes have used, with their ended children."""
     total = 0
     for pid in pids:
         with contextlib.suppress(OSError):
             fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-            total += int(fields[11]) + int(fields[12])
+            total += sum(map(int, fields[11:15]))
     return total / TICKS
 
 
