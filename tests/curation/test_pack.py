@@ -78,7 +78,7 @@ def store(made: Path, tmp_path: Path) -> Path:
 
 class TestEqualToDirectGeneration:
     @pytest.mark.parametrize("n", [1, 4, 7, 8, 14, 16])
-    @pytest.mark.parametrize("size", [8, 12, 64, 512])
+    @pytest.mark.parametrize("size", sampled([64, 12, 8, 512], 2))
     def test_with_videos_quarantined_rows_and_short_tails(
         self, tmp_path: Path, n: int, size: int
     ) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from support.helpers import assert_same_tree
 from support.places import REPOSITORY
 from support.plugin_files import FILES, OPTIONS, forget_plugins, write_plugins
+from support.scale import sampled
 
 from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode
@@ -122,7 +123,7 @@ def test_policy_robot_object_set_and_sensor_make_the_episodes(made: Path) -> Non
         np.testing.assert_allclose(proximity.mean(axis=1), pads, atol=0.05)
 
 
-@pytest.mark.parametrize("option", OPTIONS)
+@pytest.mark.parametrize("option", sampled(OPTIONS, 2))
 def test_two_workers_and_this_process_make_the_same_bytes(option: str, here: Path) -> None:
     name = str(here / OPTIONS[option])
     mine: dict[str, dict[str, object]] = {

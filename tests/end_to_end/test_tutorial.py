@@ -11,6 +11,7 @@ from support.tutorial import NOTEBOOK, executed, shown
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.soak
 def test_it_runs_whole_and_gives_what_it_shows(tmp_path: Path) -> None:
     """If it gives something else on purpose: ``PYTHONPATH=tests python -m support.tutorial``."""
     assert shown(executed(tmp_path)) == shown(nbformat.read(NOTEBOOK, as_version=4))
