@@ -161,4 +161,7 @@ def _exported_text(found: Exported) -> str:
     head = f"{found.path}: {count(found.episodes, 'episode')} as {found.format}"
     lines = [f"{head}, {size_text(found.bytes)}"]
     lines += [f"{count(n, 'episode')} left out: {why}" for why, n in found.excluded.items()]
+    if found.quarantined:
+        rows = count(found.quarantined, "quarantined row")
+        lines.append(f"{rows} left out: there is no data")
     return "\n".join([*lines, *_contents_lines(found.contents)])

@@ -121,6 +121,9 @@ def _restore(export: Path, out: Path, *, as_json: bool) -> None:
         f"{out}: {count(found.episodes, 'episode')} from {found.format},"
         f" {found.same} of them the same in every value as in the store that was exported"
     ]
+    if found.others and not found.not_held:
+        more = " and more" if found.episodes - found.same > len(found.others) else ""
+        lines.append(f"episodes that are not the same: {', '.join(map(str, found.others))}{more}")
     if found.labels:
         lines.append(f"added labels: {', '.join(found.labels)}")
     if found.annotations:

@@ -57,6 +57,7 @@ def test_it_writes_every_episode_and_says_what_is_left_out(run: Run, store: Path
     head, *more = out.splitlines()
     assert head.startswith("out: 5 episodes as lines, ")
     assert more == [
+        "1 quarantined row left out: there is no data",
         "has: nothing but the record of the episodes",
         "leaves out: *, because a line holds the row and the lift",
         "no attempt: the episode is left out",

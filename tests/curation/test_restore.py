@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from support.exporter_contract import QUARANTINED, N, make_store
 from support.stored import old_store, varied
 
+from grasp_factory.cli.main import cli
 from grasp_factory.core.limits import VARIABLE
 from grasp_factory.curation.restore import restore
 from grasp_factory.curation.verify import verify
@@ -334,8 +336,11 @@ def test_damaged_data_of_a_format_is_named_in_one_line(tmp_path: Path, what: str
     assert not (tmp_path / "store.zarr").exists()
 
 
-def test_values_of_another_episode_are_counted_as_not_the_same(tmp_path: Path) -> None:
-    Dataset(varied()).export("rosbag1", tmp_path / "export")
-    shutil.copy(tmp_path / "export/000001.bag", tmp_path / "export/000000.bag")
-    found = restore(tmp_path / "export", tmp_path / "store.zarr")
-    assert (found.episodes, found.same) == (2, 1)
+def test_values_of_another_episode_are_counted_and_named(tmp_path: Path) -> None:
+    export, out = tmp_path / "export", tmp_path / "store.zarr"
+    Dataset(varied()).export("rosbag1", export)
+    shutil.copy(export / "000001.bag", export / "000000.bag")
+    said = CliRunner().invoke(cli, ["import", str(export), str(tmp_path / "first.zarr")]).output
+    assert "\nepisodes that are not the same: 0\n" in said
+    found = restore(export, out)
+    assert (found.episodes, found.same, found.others) == (2, 1, (0,))

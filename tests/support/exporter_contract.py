@@ -144,6 +144,7 @@ class ExporterContract(ExportFixtures):
         assert (found.path, found.format) == (out, exporter.name)
         assert totals == [found.episodes] == [len(counted)]
         assert found.episodes + sum(found.excluded.values()) == len(ROWS)
+        assert found.quarantined == 1
         assert found.bytes == sum(len(data) for data in tree(out).values())
 
     def test_every_array_is_written_or_left_out_for_a_reason(

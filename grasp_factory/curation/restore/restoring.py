@@ -31,6 +31,10 @@ from grasp_factory.writers.zarr.store import create_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
 
+MOST_NAMED = 10
+"""Episodes that are not the same and are named."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Restored:
     """What was restored."""
@@ -40,6 +44,8 @@ class Restored:
     episodes: int
     same: int
     """Episodes whose every value is that of the store that was exported, by their checksums."""
+    others: tuple[int, ...]
+    """Numbers of the first episodes that are not the same, from 0, at most ``MOST_NAMED``."""
     not_held: tuple[str, ...]
     """Arrays that the export does not hold: they have the fill value."""
     labels: tuple[str, ...]
@@ -113,7 +119,7 @@ def _build(job: tuple[Path, Path], report: SendMessage) -> Restored:
             carried=source.embedded(),
             fields=list(source.folder.fields.values()),
         )
-        same = _write(reader, aside, report)
+        others = _write(reader, aside, report)
     for label in source.labels:
         label.write(aside)
     annotated = _annotate(source, aside)
@@ -122,7 +128,8 @@ def _build(job: tuple[Path, Path], report: SendMessage) -> Restored:
         path=str(aside),
         format=source.exporter.name,
         episodes=len(source.lines),
-        same=same,
+        same=len(source.lines) - len(others),
+        others=tuple(others[:MOST_NAMED]),
         not_held=not_held,
         labels=tuple(label.name for label in source.labels),
         annotations=annotated,
@@ -202,19 +209,20 @@ class ExportedEpisodeReader:
         return StoreError(f"{self.source.path}: episode {place} is damaged: {what[0]}")
 
 
-def _write(reader: ExportedEpisodeReader, out: Path, report: SendMessage) -> int:
-    """Write the episodes; return how many are as in their store."""
-    writer, same = ZarrWriter(out), 0
+def _write(reader: ExportedEpisodeReader, out: Path, report: SendMessage) -> list[int]:
+    """Write the episodes; return the numbers of those that are not as in their store."""
+    writer, others = ZarrWriter(out), list[int]()
     for start in range(0, writer.length, writer.block_size):
         rows, texts = [], []
         for place in range(start, min(start + writer.block_size, writer.length)):
             episode, checksum, fingerprint = reader.read(place)
-            same += episode.checksum() == checksum
+            if episode.checksum() != checksum:
+                others.append(place)
             rows.append(episode)
             texts.append(fingerprint)
             report(place)
         writer.write_block(start // writer.block_size, rows, texts)
-    return same
+    return others
 
 
 def _attributes(

@@ -37,6 +37,8 @@ class Exported:
     contents: ExportContents
     excluded: Mapping[str, int]
     """Number of chosen episodes that the format cannot hold, by reason."""
+    quarantined: int
+    """Number of rows of the stores that have no episode, because it could not be made."""
 
 
 def run_export(
@@ -102,6 +104,7 @@ def run_export(
         bytes=size,
         contents=exporter.contents,
         excluded={reason: len(rows) for reason, rows in excluded.items()},
+        quarantined=episodes.quarantined,
     )
 
 

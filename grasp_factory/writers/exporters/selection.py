@@ -159,6 +159,12 @@ class Selection:
         return self._of_each(label)
 
     @property
+    def quarantined(self) -> int:
+        """Number of quarantined rows of the stores; they cannot be chosen."""
+        status = np.concatenate([source.column("status") for source in self.sources])
+        return int(np.count_nonzero(status == QUARANTINED))
+
+    @property
     def is_real(self) -> NDArray[np.bool_]:
         """Which episodes were recorded with real devices, (n,)."""
 
