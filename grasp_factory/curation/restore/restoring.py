@@ -30,7 +30,6 @@ from grasp_factory.writers.zarr.segment_packing import pack
 from grasp_factory.writers.zarr.store import create_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
-
 MOST_NAMED = 10
 """Episodes that are not the same and are named."""
 
