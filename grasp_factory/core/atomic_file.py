@@ -119,12 +119,16 @@ def _at_once(wait: Callable[[T], None], items: Iterable[T]) -> None:
 
     running: list[Future[None]] = []
     with ThreadPoolExecutor(_PARALLEL_SYNCS) as pool:
-        with contextlib.suppress(RuntimeError):  # the process may start no more threads
-            running.extend(pool.submit(until_none_is_left) for _ in first)
-        if not running:
-            until_none_is_left()
-    for done in running:
-        done.result()  # raises the exception of a failed fsync
+        try:
+            with contextlib.suppress(RuntimeError):  # the process may start no more threads
+                running.extend(pool.submit(until_none_is_left) for _ in first)
+            if not running:
+                until_none_is_left()
+            for done in running:
+                done.result()
+        except BaseException:  # an fsync failed, or Ctrl-C: the other threads end too
+            left = iter(())
+            raise
 
 
 def _fsync(path: Path) -> None:

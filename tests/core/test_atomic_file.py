@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -46,17 +49,46 @@ def test_a_write_that_fails_leaves_the_file_as_it_was(tmp_path: Path, step: str)
 
 
 def test_a_replacement_that_fails_removes_the_partial_file(tmp_path: Path) -> None:
-    file, partial = tmp_path / "file", tmp_path / "other"
+    file, aside = tmp_path / "file", tmp_path / "other"
     file.write_bytes(b"old")
-    with pytest.raises(ZeroDivisionError), replacing(file, partial):
-        partial.write_bytes(b"half")
+    with pytest.raises(ZeroDivisionError), replacing(file, aside):
+        aside.write_bytes(b"half")
         raise ZeroDivisionError
     assert list(tmp_path.iterdir()) == [file]
     assert file.read_bytes() == b"old"
-    with replacing(file, partial):
-        partial.write_bytes(b"new")
+    with replacing(file, aside):
+        aside.write_bytes(b"new")
     assert list(tmp_path.iterdir()) == [file]
     assert file.read_bytes() == b"new"
+
+
+def test_after_a_failure_the_other_files_are_not_waited_for(tmp_path: Path) -> None:
+    opened: list[int] = []
+
+    def opener(k: int) -> int:
+        if k == 0:
+            raise OSError(errno.EIO, "Input/output error")
+        time.sleep(0.001)
+        opened.append(k)
+        return os.open(tmp_path, os.O_RDONLY)
+
+    with pytest.raises(OSError, match="Input/output"):
+        fsync_descriptors(partial(opener, k) for k in range(20_000))
+    assert len(opened) < 10_000
+
+
+def test_a_process_without_more_threads_syncs_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(ThreadPoolExecutor, "submit", refuse)
+    opened: list[str] = []
+    fsync_descriptors(
+        lambda: opened.append("file") or os.open(tmp_path, os.O_RDONLY) for _ in range(40)
+    )
+    assert len(opened) == 40
 
 
 def test_many_files_to_sync_are_not_all_in_memory(tmp_path: Path) -> None:
