@@ -190,7 +190,9 @@ class Dataset(AnnotatedEpisodes):
 
     def value(self, index: int, column: str) -> Any:
         """Return one column's value of one episode, a scalar, string or array; see ``values``."""
-        return self.values([index], column)[0]
+        self._check_column(column)
+        i = self._rows.committed(index)
+        return self._arrays[f"episodes/{column}"].read(i, i + 1)[0]
 
     def values(self, indices: Iterable[int], column: str) -> NDArray[Any]:
         """Return one column's values of K episodes, (K, ...); only their blocks are read.

@@ -246,6 +246,19 @@ class TestOneValue:
             dataset.value(5, "success")
 
 
+def test_values_of_several_episodes_are_those_of_each(dataset: Dataset) -> None:
+    rows = [7, 0, 12, -1]
+    for name in ("object_mass", "policy", "object_ids", "success"):
+        got = dataset.values(rows, name)
+        assert got.tolist() == [np.asarray(dataset.value(row, name)).tolist() for row in rows]
+    assert dataset[[7, 0]].values([1], "policy").tolist() == [dataset.value(0, "policy")]
+    assert dataset.values([], "policy").shape == (0,)
+    with pytest.raises(UnknownNameError):
+        dataset.values([7], "sucess")
+    with pytest.raises(StoreError):
+        dataset.values([0, 5], "success")
+
+
 def test_a_column_is_one_array_with_a_value_per_row(dataset: Dataset) -> None:
     mass = [make_spec(CONFIG, i).objects[0].mass for i in dataset.committed]
     assert dataset.column("object_mass")[dataset.committed].tolist() == mass
