@@ -107,7 +107,8 @@ def fsync_descriptors(opened: Iterable[Callable[[], int]]) -> None:
 def _at_once(wait: Callable[[T], None], items: Iterable[T]) -> None:
     waiting = iter(items)
     first = list(islice(waiting, _PARALLEL_SYNCS))
-    left, lock = chain(first, waiting), Lock()
+    left: Iterator[T] = chain(first, waiting)
+    lock = Lock()
 
     def until_none_is_left() -> None:
         while True:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -122,10 +123,10 @@ class CheckedArray(StoredArray):
         status = self._arrays[schema.STATUS.path].read(start, stop)
         if self._digest_column is None:
             checksums = self._arrays[schema.CHECKSUM.path].read(start, stop)
-            errors = self._arrays[schema.ERROR.path].read(start, stop)
+            has_error = self._have_errors(start, stop)
             for k in range(stop - start):
                 if not self._agrees(
-                    start + k, int(status[k]), str(checksums[k]), has_error=bool(errors[k])
+                    start + k, int(status[k]), str(checksums[k]), has_error=bool(has_error[k])
                 ):
                     self._refuse(start + k)
                 if self._path == schema.FINGERPRINT.path:
@@ -170,6 +171,13 @@ class CheckedArray(StoredArray):
         if status == QUARANTINED:
             return stored == self._quarantined(row)
         return status == MISSING and (not stored or self._is_unfinished(row))
+
+    def _have_errors(self, start: int, stop: int) -> NDArray[np.bool_]:
+        """Return which rows have a reason in ``error``; the texts of one file are in memory."""
+        texts = self._arrays[schema.ERROR.path]
+        size = texts.zarr.chunks[0]
+        edges = [start, *range((start // size + 1) * size, stop, size), stop]
+        return np.concatenate([texts.read(*edge) != "" for edge in pairwise(edges)])
 
     def _quarantined(self, row: int) -> str:
         """Return the checksum that a quarantined row must have."""
