@@ -60,7 +60,7 @@ TRAININGS: Mapping[str, Training] = {
         title="VGN",
         generate=OVERHEAD,
         format="vgn",
-        arguments=("10", "16"),
+        arguments=("5", "16"),
         unit="epochs",
     ),
 }
