@@ -80,7 +80,7 @@ def webdataset(dataset: Dataset, out: Path) -> None:
 
 
 def robomimic(dataset: Dataset, out: Path) -> None:
-    """Write steps by h5py, images with gzip; episodes without frames are left out."""
+    """Write steps and the next ones by h5py, images with gzip, of episodes with frames."""
     out.mkdir()
     with h5py.File(out / "all.hdf5", "w") as file:
         for i, episode in enumerate(dataset):
@@ -89,6 +89,8 @@ def robomimic(dataset: Dataset, out: Path) -> None:
                     is_image = values.dtype == np.uint8 and values.ndim == 4
                     how = {"chunks": (1, *values.shape[1:]), "compression": 1} if is_image else {}
                     file.create_dataset(f"{i}/{name}", data=values, **how)
+                    after = np.concatenate([values[1:], values[-1:]])
+                    file.create_dataset(f"{i}/next/{name}", data=after, **how)
 
 
 def diffusion_policy(dataset: Dataset, out: Path) -> None:
