@@ -20,7 +20,7 @@ from benchmarks.bench.score import WARM_UP_EPISODES, Score, Settings, Stopwatch,
 
 from grasp_factory.factory import block_maker, generate
 from grasp_factory.simulation import grasp_execution, rollout
-from grasp_factory.writers.zarr import writer
+from grasp_factory.writers.zarr import block_attempt, writer
 
 PARTS: Mapping[str, tuple[tuple[Any, str], ...]] = {
     "sample": ((block_maker, "sample_spec"),),
@@ -32,7 +32,7 @@ PARTS: Mapping[str, tuple[tuple[Any, str], ...]] = {
     "inspect": ((rollout, "inspect_episode"),),
     "label, streams": ((block_maker, "run_episode"),),
     "encode": ((writer.ZarrWriter, "write_block"),),
-    "write (fsync)": ((writer, "fsync_places"),),
+    "write (fsync)": ((block_attempt, "fsync_places"),),
     "open, close, count": ((generate, "generate"),),
 }
 """By name: the functions whose own time it is, without that of the parts they call."""
