@@ -7,11 +7,12 @@ videos, and all arrays of the store as ``episode_metadata``.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ from grasp_factory.writers.exporters.steps import (
     without_frames,
 )
 from grasp_factory.writers.exporters.tfds_features import TfdsFeature, features_json
-from grasp_factory.writers.exporters.tfrecord_file import example, record
+from grasp_factory.writers.exporters.tfrecord_file import RECORD_BYTES, example, record
 
 NAME, VERSION = "grasp_factory", "1.0.0"
 """Of the data set in TFDS."""
@@ -66,14 +67,8 @@ class TfrecordSettings:
         check_range(self, "episodes_per_shard", 1, 1_000_000)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TfrecordShard:
-    """One file of a split."""
-
-    split: str
-    episodes: int
-    bytes: int
-    """Of the examples, without the records around them."""
+SizesBySplit = Mapping[str, Sequence[int]]
+"""Bytes of each example that a part wrote for a split, in the order of the episodes."""
 
 
 def excludes(episodes: Selection, settings: TfrecordSettings) -> Mapping[str, NDArray[np.bool_]]:
@@ -85,32 +80,27 @@ def excludes(episodes: Selection, settings: TfrecordSettings) -> Mapping[str, ND
     return {NO_FRAMES: without_frames(episodes)}
 
 
-def split(episodes: Selection, settings: TfrecordSettings) -> list[list[int]]:
-    """Return the episodes of each file: all of train, then val and test."""
-    of_each = episodes.column("split")
-    members = [np.flatnonzero(of_each == name).tolist() for name in SPLITS]
-    size = settings.episodes_per_shard
-    return [[places[k] for k in part] for places in members for part in parts_of(len(places), size)]
-
-
-def write_part(job: ExportJob, part: ExportPart) -> TfrecordShard:
-    """Write a file aside: its name follows from the number of files."""
+def write_part(job: ExportJob, part: ExportPart) -> SizesBySplit:
+    """Write the records of each split to a file aside: ``finish`` makes the files of them."""
     fields = job.episodes.fields
-    size = 0
-    with _aside(job, part.number).open("wb") as file:
+    sizes: dict[str, list[int]] = {}
+    with ExitStack() as stack:
+        files: dict[str, BinaryIO] = {}
         for place, episode in part.episodes:
-            arrays = episode_arrays(place, episode, fields)
+            split = str(episode.columns["split"])
+            if split not in files:
+                file = _aside(job, part.number, split).open("wb")
+                files[split], sizes[split] = stack.enter_context(file), []
             data = example(
                 {
                     name: feature.encode(values, steps=name.startswith("steps/"))
-                    for name, (feature, values) in arrays.items()
+                    for name, (feature, values) in episode_arrays(place, episode, fields).items()
                 }
             )
             _check_size(job, place, data)
-            file.write(record(data))
-            size += len(data)
-    name = str(job.episodes.value(part.places[0], "split"))
-    return TfrecordShard(split=name, episodes=len(part.places), bytes=size)
+            files[split].write(record(data))
+            sizes[split].append(len(data))
+    return sizes
 
 
 def _check_size(job: ExportJob, place: int, data: bytes) -> None:
@@ -176,20 +166,23 @@ def _plain(values: NDArray[Any]) -> FeatureValues:
     return TfdsFeature.of(values, values.shape), values
 
 
-def finish(job: ExportJob, parts: Sequence[TfrecordShard]) -> None:
-    """Name the files, and describe them for TFDS."""
+def finish(job: ExportJob, parts: Sequence[SizesBySplit]) -> None:
+    """Join the records of each split to files, and describe them for TFDS."""
     splits = []
     for name in SPLITS:
-        shards = [(number, shard) for number, shard in enumerate(parts) if shard.split == name]
-        for position, (number, _) in enumerate(shards):
-            file = f"{NAME}-{name}.tfrecord-{position:05d}-of-{len(shards):05d}"
-            os.replace(_aside(job, number), job.folder / file)
+        sizes = [size for part in parts for size in part.get(name, ())]
+        records = _records(job, name, parts)
+        shards = parts_of(len(sizes), job.settings.episodes_per_shard)
+        for number, shard in enumerate(shards):
+            file = f"{NAME}-{name}.tfrecord-{number:05d}-of-{len(shards):05d}"
+            with (job.folder / file).open("wb") as out:
+                out.writelines(islice(records, len(shard)))
         if shards:
             splits.append(
                 {
                     "name": name,
-                    "shardLengths": [str(shard.episodes) for _, shard in shards],
-                    "numBytes": str(sum(shard.bytes for _, shard in shards)),
+                    "shardLengths": [str(len(shard)) for shard in shards],
+                    "numBytes": str(sum(sizes)),
                     "filepathTemplate": "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}",
                 }
             )
@@ -200,8 +193,19 @@ def finish(job: ExportJob, parts: Sequence[TfrecordShard]) -> None:
         write_json(job.folder / file, data)
 
 
-def _aside(job: ExportJob, number: int) -> Path:
-    return job.aside / f"{number:08d}.tfrecord"
+def _records(job: ExportJob, split: str, parts: Sequence[SizesBySplit]) -> Iterator[bytes]:
+    """Yield the records of a split, and remove each file aside after its last one."""
+    for number, part in enumerate(parts):
+        if split in part:
+            path = _aside(job, number, split)
+            with path.open("rb") as file:
+                for size in part[split]:
+                    yield file.read(size + RECORD_BYTES)
+            path.unlink()
+
+
+def _aside(job: ExportJob, number: int, split: str) -> Path:
+    return job.aside / f"{number:08d}.{split}"
 
 
 TFRECORD = Exporter(
@@ -227,7 +231,6 @@ TFRECORD = Exporter(
         },
     ),
     excludes=excludes,
-    split=split,
     write_part=write_part,
     finish=finish,
     parameters=TfrecordSettings,

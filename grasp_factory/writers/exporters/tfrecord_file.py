@@ -21,6 +21,8 @@ _BYTES_LIST, _FLOAT_LIST, _INT64_LIST = 1, 2, 3
 """Numbers of the fields of the message Feature."""
 _LENGTH_DELIMITED = 2
 """Wire type of texts, messages and packed numbers."""
+RECORD_BYTES = 16
+"""Of a record, beside its data."""
 
 
 def record(data: bytes) -> bytes:
