@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,9 @@ from grasp_factory.errors import UsageError, shown
 if TYPE_CHECKING:
     from grasp_factory.writers.exporters import ExportContents, Exporter
     from grasp_factory.writers.exporters.exporting import Exported
+
+_IMPORTS = ("grasp_factory.dataset.dataset", "grasp_factory.writers.exporters.exporting")
+"""What takes workers most of their start."""
 
 
 @click.command(
@@ -55,7 +57,7 @@ if TYPE_CHECKING:
     type=click.IntRange(1, 256),
     default=1,
     show_default=True,
-    help="Worker processes. The files do not depend on it.",
+    help="Processes that work. The files do not depend on it.",
 )
 @row_options
 @option(
@@ -84,27 +86,32 @@ def export(
     choose, or all episodes, to the folder OUT. OUT must not exist; it appears when it is complete.
     Beside the data, grasp_factory.json says which rows it has and what is left out.
     """
-    from grasp_factory.writers.exporters import NOT_OFFERED, all_exporters, exporter_named
-
     if as_list:
-        _print_formats(all_exporters(), NOT_OFFERED, as_json=as_json)
+        _print_formats(as_json=as_json)
         return
     if len(paths) < 2 or name is None:
         raise UsageError(
             "export needs STORE, OUT and --to; `grasp-factory export --list` lists the formats"
         )
-    exporter = exporter_named(name)
-    from grasp_factory.cli.bars import counted
-    from grasp_factory.dataset.dataset import Dataset
-    from grasp_factory.writers.exporters.exporting import run_export
+    from grasp_factory.core.executors import early_workers
 
-    *stores, out = paths
-    datasets = [Dataset(path, checked=True) for path in stores]
     conditions = (*where, f"split={split}") if split else where
-    chosen = zip(datasets, chosen_of_each(datasets, where=conditions, **rows), strict=True)
-    settings = _settings(assignments)
-    with counted("on_episode") as hooks:
-        found = run_export(exporter, list(chosen), out, settings, workers=workers, **hooks)
+    with early_workers(workers - 1, imports=_IMPORTS) as ready:
+        from grasp_factory.cli.bars import counted
+        from grasp_factory.dataset.dataset import Dataset
+        from grasp_factory.writers.exporters import exporter_named
+        from grasp_factory.writers.exporters.exporting import run_export
+
+        exporter = exporter_named(name)
+        *stores, out = paths
+        datasets = [Dataset(path, checked=True) for path in stores]
+        rows_of_each = chosen_of_each(datasets, where=conditions, **rows)
+        chosen = list(zip(datasets, rows_of_each, strict=True))
+        settings = _settings(assignments)
+        with counted("on_episode") as hooks:
+            found = run_export(
+                exporter, chosen, out, settings, workers=workers, ready=ready, **hooks
+            )
     if as_json:
         print_json(to_plain(found) | {"path": str(found.path)})
     else:
@@ -121,13 +128,14 @@ def _settings(assignments: tuple[str, ...]) -> dict[str, Any]:
     return found
 
 
-def _print_formats(
-    exporters: Iterable[Exporter], not_offered: Mapping[str, str], *, as_json: bool
-) -> None:
+def _print_formats(*, as_json: bool) -> None:
+    from grasp_factory.writers.exporters import NOT_OFFERED, all_exporters
+
+    exporters = all_exporters()
     if as_json:
         print_json({row.name: _facts(row) for row in exporters})
         return
-    lines = [f"{name} is not offered: {why}" for name, why in not_offered.items()]
+    lines = [f"{name} is not offered: {why}" for name, why in NOT_OFFERED.items()]
     say("\n\n".join([*map(_format_text, exporters), *lines]))
 
 

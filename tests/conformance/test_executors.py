@@ -23,6 +23,7 @@ from grasp_factory.core.executors import (
     InlineExecutor,
     LimitedExecutor,
     ProcessExecutor,
+    SharingExecutor,
 )
 from grasp_factory.core.executors.cluster.coordinator import ClusterExecutor
 from grasp_factory.errors import RecipeError
@@ -31,6 +32,7 @@ MADE: list[Executor] = [
     InlineExecutor(),
     ProcessExecutor(2),
     LimitedExecutor(2),
+    SharingExecutor(2),
     ClusterExecutor(partial(FakeCluster, "a", "b"), 1),
 ]
 if os.environ.get("GRASP_FACTORY_RAY") == "1":  # of bin/check-ray

@@ -22,6 +22,8 @@ from grasp_factory.core import disk_usage
 from grasp_factory.core.executors import (
     InlineExecutor,
     ProcessExecutor,
+    SharingExecutor,
+    early_workers,
     import_process,
     make_executor,
     process_start,
@@ -77,7 +79,40 @@ def test_the_time_of_an_import_follows_what_is_on_the_disk(tmp_path: Path) -> No
 def test_one_worker_needs_no_pool() -> None:
     assert isinstance(make_executor(1), InlineExecutor)
     assert make_executor(3) == ProcessExecutor(3)
-    assert make_executor(3, jobs_per_process=99) == ProcessExecutor(3, 99)
+
+
+def test_the_calling_process_works_too_and_starts_no_worker_without_need() -> None:
+    assert SharingExecutor(2).run(blocks.process_id, [0], ignore) == [os.getpid()]
+    assert SharingExecutor(1).run(blocks.process_id, range(3), ignore) == [os.getpid()] * 3
+
+
+def test_workers_get_jobs_while_the_calling_process_does_its_own() -> None:
+    blocks.HEARD.clear()
+    pids = SharingExecutor(2).run(blocks.first_waits_for_others, range(4), blocks.HEARD.append)
+    (worker,) = set(pids[1:])
+    assert pids[0] == os.getpid() != worker
+    assert wait_until_gone([worker])
+
+
+def test_early_workers_do_the_jobs_and_end_with_their_block() -> None:
+    blocks.HEARD.clear()
+    with early_workers(1, ["support.fake_blocks", "zipapp"]) as ready:
+        (early,) = (worker.process.pid for worker in ready)
+        executor = SharingExecutor(2, ready)
+        pids = executor.run(blocks.first_waits_for_others, range(4), blocks.HEARD.append)
+    assert pids == [os.getpid(), early, early, early]
+    with pytest.raises(RecipeError), early_workers(2, ["zipapp"]) as ready:
+        pids = [worker.process.pid for worker in ready]
+        raise RecipeError
+    assert wait_until_gone([early, *pids])
+
+
+def test_early_workers_that_die_are_replaced_or_told() -> None:
+    blocks.HEARD.clear()
+    with early_workers(1, ["no_such_module"]) as ready:
+        ready[0].process.join(30.0)
+        with pytest.raises(WorkerError, match="before it began"):
+            SharingExecutor(2, ready).run(blocks.first_waits_for_others, range(4), ignore)
 
 
 def test_workers_are_other_processes_and_no_more_than_asked() -> None:

@@ -72,6 +72,20 @@ def naps(block: int, report: Report) -> int:
     return block
 
 
+HEARD: list[Any] = []
+"""Messages that the calling process heard of ``first_waits_for_others``."""
+
+
+def first_waits_for_others(block: int, report: Report) -> int:
+    if block:
+        report(block)
+    else:
+        while not {1, 2, 3} <= set(HEARD):
+            report(0)
+            time.sleep(0.01)
+    return os.getpid()
+
+
 def sleeps(block: int, report: Report) -> int:
     report(os.getpid())
     time.sleep(600)

@@ -22,7 +22,9 @@ from grasp_factory.core.executors.kinds import (
 )
 from grasp_factory.core.executors.limited import LimitedExecutor, ProcessLimits
 from grasp_factory.core.executors.pool import ProcessExecutor
+from grasp_factory.core.executors.sharing import SharingExecutor
 from grasp_factory.core.executors.team import JOBS_PER_PROCESS
+from grasp_factory.core.executors.worker import Worker, early_workers
 
 __all__ = [
     "EXECUTORS",
@@ -38,8 +40,11 @@ __all__ = [
     "ProcessLimits",
     "Recover",
     "SendMessage",
+    "SharingExecutor",
     "Silence",
     "Task",
+    "Worker",
+    "early_workers",
     "executor_kind",
     "go_on",
     "make_executor",

@@ -10,7 +10,6 @@ from grasp_factory.core.executors.base import (
 )
 from grasp_factory.core.executors.cluster.coordinator import ClusterExecutor
 from grasp_factory.core.executors.pool import ProcessExecutor
-from grasp_factory.core.executors.team import JOBS_PER_PROCESS
 from grasp_factory.core.plugins.entry_points import installed
 from grasp_factory.errors import ConfigError, PluginError, lookup, shown
 
@@ -18,9 +17,9 @@ KIND = "executors"
 """Installed packages offer kinds in the group of entry points ``grasp_factory.executors``."""
 
 
-def make_executor(workers: int, jobs_per_process: int = JOBS_PER_PROCESS) -> Executor:
+def make_executor(workers: int) -> Executor:
     """Return the executor for a number of workers; one worker needs no pool."""
-    return InlineExecutor() if workers == 1 else ProcessExecutor(workers, jobs_per_process)
+    return InlineExecutor() if workers == 1 else ProcessExecutor(workers)
 
 
 def _local(settings: ExecutorSettings) -> Executor:

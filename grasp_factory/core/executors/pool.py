@@ -28,6 +28,7 @@ from grasp_factory.core.executors.base import (
     give_up,
     go_on,
 )
+from grasp_factory.core.executors.job_round import JobRound
 from grasp_factory.core.executors.team import JOBS_PER_PROCESS, Team
 
 CHECK_S = 0.1
@@ -53,24 +54,11 @@ class ProcessExecutor(Executor):
         check_node: Callable[[], None] = go_on,
     ) -> list[R]:
         """See ``Executor.run``."""
-        todo = list(reversed(list(enumerate(jobs))))
-        given: dict[int, J] = {}
-        results: dict[int, R] = {}
+        wait_s = math.inf if self.check is go_on else CHECK_S
         with contextlib.closing(Team(task, self.workers, silence, self.jobs_per_process)) as team:
-            while todo or given:
-                while todo and team.free:
-                    place, given[place] = job = todo.pop()
-                    team.give(*job)
+            work = JobRound(team, jobs, report, recover)
+            while work.is_open:
+                work.hand_out()
                 self.check()
-                wait_s = math.inf if self.check is go_on else CHECK_S
-                for kind, place, value in team.wait(wait_s=wait_s):
-                    if kind == "message":
-                        report(value)
-                    elif kind == "error":
-                        raise value
-                    elif kind == "lost":
-                        todo.append((place, recover(given.pop(place), value)))
-                    else:
-                        results[place] = value
-                        del given[place]
-        return [results[place] for place in range(len(jobs))]
+                work.hear(wait_s)
+        return work.results

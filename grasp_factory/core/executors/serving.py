@@ -12,6 +12,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Sequence
+from importlib import import_module
 from multiprocessing import connection
 from typing import Any
 
@@ -21,16 +22,16 @@ from grasp_factory.core.plugins.plugin_sources import PluginSource, allow
 
 
 def serve(
-    task: Task[Any, Any],
     pipe: connection.Connection[Any, Any],
     sources: Sequence[PluginSource] = (),
+    imports: Sequence[str] = (),
 ) -> None:
     """Do jobs until the pipe closes. Runs in the worker.
 
     Args:
-        task: what it does.
-        pipe: where jobs come from and results go to.
+        pipe: where first the task and then jobs come from, and results go to.
         sources: files of the user that it may run.
+        imports: modules to import before the task comes.
     """
     end_with_parent()
     allow(sources)
@@ -44,7 +45,10 @@ def serve(
     def report(message: Any) -> None:
         pipe.send(("message", message))
 
+    for name in imports:
+        import_module(name)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        task: Task[Any, Any] = pipe.recv()
         while True:
             job = pipe.recv()
             try:

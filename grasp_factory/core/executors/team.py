@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import multiprocessing
-import signal
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from multiprocessing import connection, resource_tracker
-from multiprocessing.context import SpawnProcess
+from multiprocessing import connection
 from typing import Any, NamedTuple
 
 from grasp_factory.core.executors.base import Silence, Task, forever
-from grasp_factory.core.executors.process_start import ONE_THREAD, environment, no_interrupt
-from grasp_factory.core.executors.serving import serve
-from grasp_factory.core.plugins.plugin_sources import allowed
-from grasp_factory.errors import WorkerError
+from grasp_factory.core.executors.worker import LostError, Worker, start_worker
 
 JOBS_PER_PROCESS = 32
 """A worker is replaced after this many jobs: PyBullet's memory grows slowly over resets."""
@@ -25,9 +17,6 @@ JOBS_PER_PROCESS = 32
 MOST_UNSTARTED = 3
 """Workers that the system could not start and that are started again: their jobs never began."""
 
-_NOT_STARTED = 255
-"""Exit code of a process that could not become a Python."""
-_SPAWN = multiprocessing.get_context("spawn")
 _OVERSLEPT_S = 5.0
 """Seconds of delay after which this process assumes that it and its workers were suspended."""
 
@@ -52,12 +41,24 @@ class Team:
         workers: int,
         silence: Silence = forever,
         jobs_per_process: int = JOBS_PER_PROCESS,
+        ready: Sequence[Worker] = (),
     ) -> None:
+        """Hire workers when there are jobs for them.
+
+        Args:
+            task: what they do.
+            workers: how many at most, at the same time.
+            silence: how long each may be silent.
+            jobs_per_process: after so many jobs a worker is replaced.
+            ready: workers that were started for this team; ``close`` ends them too.
+        """
         self._task, self._silence, self._workers = task, silence, workers
         self._jobs_per_process = jobs_per_process
         self._unstarted = 0
-        self._busy: dict[Any, _Worker] = {}
-        self._idle: list[_Worker] = []
+        self._busy: dict[Any, Worker] = {}
+        self._idle = list(ready)
+        for worker in ready:
+            worker.begin(task, silence)
 
     @property
     def free(self) -> int:
@@ -71,7 +72,7 @@ class Team:
             place: its number, by which reports name it.
             job: the job.
         """
-        worker = self._idle.pop() if self._idle else _hire(self._task, self._silence)
+        worker = self._idle.pop() if self._idle else self._hire()
         self._busy[worker.pipe] = worker
         worker.give(place, job)
 
@@ -94,10 +95,15 @@ class Team:
             worker.stop()
         self._busy, self._idle = {}, []
 
-    def _hear(self, worker: _Worker) -> Report | None:
+    def _hire(self) -> Worker:
+        worker = start_worker()
+        worker.begin(self._task, self._silence)
+        return worker
+
+    def _hear(self, worker: Worker) -> Report | None:
         try:
             kind, value = worker.receive()
-        except _LostError as lost:
+        except LostError as lost:
             del self._busy[worker.pipe]
             if worker.is_unstarted and self._unstarted < MOST_UNSTARTED:
                 self._unstarted += 1
@@ -114,81 +120,7 @@ class Team:
         return Report(kind, worker.place, value)
 
 
-class _LostError(Exception):
-    """A worker died or was silent for too long; the text says which."""
-
-
-@dataclass(slots=True)
-class _Worker:
-    process: SpawnProcess
-    pipe: connection.Connection[Any, Any]
-    silence: Silence
-    place: int = -1
-    """Position of its job among all jobs."""
-    job: Any = None
-    done: int = 0
-    """Jobs that it has finished."""
-    heard: bool = False
-    """Whether it has sent something, so that it is known to have started."""
-    allowed: float = math.inf
-    """Seconds that it may be silent."""
-    since: float = 0.0
-    """When it was last heard, on the monotonic clock."""
-
-    @property
-    def is_unstarted(self) -> bool:
-        """Whether the system could not start its process."""
-        return not self.heard and self.process.exitcode == _NOT_STARTED
-
-    def give(self, place: int, job: Any) -> None:
-        self.place, self.job = place, job
-        self._listen(None)
-        with contextlib.suppress(OSError):  # it died: the next receive reports that
-            self.pipe.send(job)
-
-    def receive(self) -> tuple[str, Any]:
-        """Return the worker's message; call this when there is one, or its time is over."""
-        if not self.pipe.poll():
-            self.process.kill()  # it may be stopped, or stuck where no other signal reaches it
-            self.stop()
-            raise _LostError(f"silent for more than {self.allowed:g} s")
-        try:
-            kind, value = self.pipe.recv()
-        except (EOFError, OSError):
-            self.process.join(timeout=5.0)  # it may still be ending
-            self.stop()
-            self._check_guard()
-            raise _LostError(self._cause()) from None
-        self.heard = True
-        self._listen(value)
-        return kind, value
-
-    def stop(self) -> None:
-        """End the process; between jobs nothing is lost, and an unfinished job is done again."""
-        if not self.heard:  # it is starting, and would not react to SIGTERM
-            self.process.kill()
-        self.process.terminate()
-        self.process.join(timeout=3.0)  # time to tidy its temporary files
-        self.process.kill()
-        self.process.join()
-        self.pipe.close()
-
-    def _listen(self, message: Any) -> None:
-        self.allowed, self.since = self.silence(message), time.monotonic()
-
-    def _check_guard(self) -> None:
-        if not self.heard and self.process.exitcode == 1:
-            raise WorkerError(
-                "a worker ended (exit code 1) before it began: see above why; a script that calls"
-                ' generate() does so under `if __name__ == "__main__":`'
-            ) from None
-
-    def _cause(self) -> str:
-        code = self.process.exitcode or 0
-        return signal.Signals(-code).name if code < 0 else f"exit code {code}"
-
-
-def _wait(team: dict[Any, _Worker], others: Sequence[Any], wait_s: float) -> list[_Worker]:
+def _wait(team: dict[Any, Worker], others: Sequence[Any], wait_s: float) -> list[Worker]:
     """Wait, and return the workers that have sent a message or are silent for too long."""
     now = time.monotonic()
     until = min((worker.since + worker.allowed for worker in team.values()), default=math.inf)
@@ -202,14 +134,3 @@ def _wait(team: dict[Any, _Worker], others: Sequence[Any], wait_s: float) -> lis
             worker.since = time.monotonic()
     now = time.monotonic()
     return [worker for worker in team.values() if worker.since + worker.allowed <= now]
-
-
-def _hire(task: Task[Any, Any], silence: Silence) -> _Worker:
-    """Start a worker."""
-    ours, theirs = _SPAWN.Pipe()
-    process = _SPAWN.Process(target=serve, args=(task, theirs, allowed()), daemon=True)
-    resource_tracker.ensure_running()  # its own start would undo the signal mask
-    with environment(ONE_THREAD), no_interrupt():
-        process.start()
-    theirs.close()
-    return _Worker(process, ours, silence)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from grasp_factory.core.episode import Episode
-from grasp_factory.core.executors import SendMessage, make_executor
+from grasp_factory.core.executors import Executor, SendMessage, SharingExecutor, Worker
 from grasp_factory.core.output_folder import check_free, publish
 from grasp_factory.core.place import place_at
 from grasp_factory.core.place_tree import file_facts_below, fsync_tree
@@ -48,6 +48,7 @@ def run_export(
     settings: Mapping[str, Any],
     *,
     workers: int = 1,
+    ready: Sequence[Worker] = (),
     on_start: Callable[[int], None] = lambda total: None,
     on_episode: Callable[[], None] = lambda: None,
 ) -> Exported:
@@ -58,7 +59,8 @@ def run_export(
         chosen: the datasets, each with its rows that hold an episode, each row once.
         out: the folder to create. It must not exist.
         settings: the format's settings as plain data.
-        workers: number of processes. The files do not depend on it.
+        workers: number of processes, this one among them. The files do not depend on it.
+        ready: workers that ``early_workers`` started.
         on_start: called with the number of episodes.
         on_episode: called after each episode.
 
@@ -90,7 +92,8 @@ def run_export(
                 settings=record,
                 prepared=prepared,
             )
-            _write(exporter, job, lines, workers, on_episode)
+            executor = SharingExecutor(workers, ready)
+            _write(exporter, job, lines, executor, on_episode)
             write_record(job, exporter, excluded, sorted(lines.iterdir()))
             size = sum(facts.st_size for _, facts in file_facts_below(place_at(built)))
             fsync_tree(place_at(built))
@@ -128,13 +131,12 @@ def _write(
     exporter: Exporter,
     job: ExportJob,
     lines: Path,
-    workers: int,
+    executor: Executor,
     on_episode: Callable[[], None],
 ) -> None:
     """Write all parts, then what describes all of them."""
     parts = list(enumerate(exporter.split(job.episodes, job.settings)))
     task = partial(_write_part, exporter, job, lines)
-    executor = make_executor(min(workers, len(parts)), jobs_per_process=len(parts))
     results = executor.run(task, parts, lambda _: on_episode(), _give_up)
     exporter.finish(job, results)
 
