@@ -28,7 +28,7 @@ from grasp_factory.core.json_text import parsed
 from grasp_factory.core.recording_source import RecordingSource
 from grasp_factory.core.schema import FIELDS
 from grasp_factory.core.sensors import series_groups
-from grasp_factory.core.serialization import check, check_range, from_plain, to_plain
+from grasp_factory.core.serialization import check, check_range, from_parsed_json, to_plain
 
 Streams = Mapping[str, NDArray[Any]]
 """Time series that share a clock, by name, each (samples, ...)."""
@@ -137,7 +137,7 @@ class EpisodeSpec:
         Raises:
             ConfigError: naming the key that is wrong.
         """
-        return from_plain(cls, parsed(text), "spec")
+        return from_parsed_json(cls, parsed(text), "spec")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import numbers
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from enum import Enum
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, TypeVar, cast
 
 from grasp_factory.errors import ConfigError, did_you_mean, shown
@@ -59,6 +60,26 @@ def from_plain(cls: type[R], data: Any, where: str = "") -> R:
         return cls(**values)
     except ConfigError as error:
         raise ConfigError(f"{where}.{error}" if where else str(error)) from None
+
+
+def from_parsed_json(cls: type[R], data: Any, where: str) -> R:
+    """Return a record as ``from_plain`` does, from data that JSON text had.
+
+    A section that many records share is converted once: see ``sections_of``.
+    """
+    if isinstance(data, dict):
+        shared = filter(data.__contains__, sections_of(cls))
+        sections = {
+            key: _section(cast(Any, cls), key, json.dumps(data[key]), where) for key in shared
+        }
+        data = data | sections
+    return from_plain(cls, data, where)
+
+
+@lru_cache(maxsize=64)
+def _section(cls: Hashable, key: str, text: str, where: str) -> Any:
+    kind = sections_of(cast(Any, cls))[key]
+    return from_plain(kind, json.loads(text), _join(where, key))
 
 
 def normalise(record: Any) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from grasp_factory.core.episode import Episode, EpisodeSpec, ObjectSpec
+from grasp_factory.core.episode import Episode, ObjectSpec
 from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.optional import require
 from grasp_factory.core.triangle_mesh import TriangleMesh
@@ -169,15 +169,6 @@ class Dataset(AnnotatedEpisodes):
             (places[mine], self._episodes.several(rows[mine]))
             for mine in by_block(rows, self.config.block_size)
         )
-
-    def spec(self, index: int) -> EpisodeSpec:
-        """Return the recipe of an episode, also of a quarantined one.
-
-        Raises:
-            IndexError: naming the valid range.
-            StoreError: if the row is missing or damaged.
-        """
-        return self._readings.spec(self._rows.present(index)[0])
 
     def object_mesh(self, recipe: ObjectSpec) -> TriangleMesh:
         """Return the surface of an object of a recipe of this store, in the object's own frame.

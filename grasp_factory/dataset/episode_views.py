@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from grasp_factory.core.config.factory_config import FactoryConfig
-from grasp_factory.core.episode import CameraImage
+from grasp_factory.core.episode import CameraImage, EpisodeSpec
 from grasp_factory.core.geometry import Array
 from grasp_factory.dataset.checked_reader import CheckedColumns
 from grasp_factory.dataset.episode_choice import EpisodeChoice
@@ -45,6 +45,23 @@ class EpisodeViews(EpisodeChoice):
         """Use a store's columns, its features, the index of the rows, and its readings."""
         super().__init__(columns, features, rows)
         self._readings = readings
+
+    def spec(self, index: int) -> EpisodeSpec:
+        """Return the recipe of an episode, also of a quarantined one.
+
+        Raises:
+            IndexError: naming the valid range.
+            StoreError: if the row is missing or damaged.
+        """
+        return self._readings.spec(self._rows.present(index)[0])
+
+    def specs(self, indices: Iterable[int]) -> Iterator[EpisodeSpec]:
+        """Iterate over the recipes of episodes, in the order of their indices.
+
+        Raises:
+            TypeError, IndexError, StoreError: as for ``dataset[indices]``.
+        """
+        return self._readings.specs(self._rows.several(indices).tolist())
 
     def image(self, index: int, camera: str, kind: str, frame: int) -> NDArray[Any]:
         """Return one image; no other image is read.

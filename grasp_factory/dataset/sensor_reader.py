@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.header import place_in
 
 IMAGES = ("rgb", "depth", "segmentation")
+_SPECS_AT_ONCE = 64
 
 
 class Readings:
@@ -56,7 +57,20 @@ class Readings:
         Raises:
             StoreError: if it is damaged.
         """
-        text = str(self._value("episodes/spec", row))
+        return self._recipe(row, str(self._value("episodes/spec", row)))
+
+    def specs(self, rows: Sequence[int]) -> Iterator[EpisodeSpec]:
+        """Yield the recipes of rows that are not missing; those of a block are read together.
+
+        Raises:
+            StoreError: if one is damaged.
+        """
+        for first in range(0, len(rows), _SPECS_AT_ONCE):
+            part = rows[first : first + _SPECS_AT_ONCE]
+            texts = self._values("episodes/spec", part)
+            yield from map(self._recipe, part, map(str, texts))
+
+    def _recipe(self, row: int, text: str) -> EpisodeSpec:
         try:
             spec = EpisodeSpec.from_json(text)
             check_recipe(spec, self._config)

@@ -9,6 +9,7 @@ import tarfile
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import h5py
@@ -18,8 +19,11 @@ import zarr
 from benchmarks.bare_rosbag import rosbag2
 
 from grasp_factory.core.enums import Label
+from grasp_factory.core.episode import CameraFrames, Episode
+from grasp_factory.core.geometry import inverse, pose_matrices
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.writers.exporters.images import PNG_LEVEL
+from grasp_factory.writers.exporters.mesh_files import ply_text
 from grasp_factory.writers.exporters.steps import observations, steps_of
 
 LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL]
@@ -131,7 +135,7 @@ def tfrecord(dataset: Dataset, out: Path) -> None:
 
 
 def coco(dataset: Dataset, out: Path) -> None:
-    """Write PNG files, and the masks by pycocotools."""
+    """Write PNG files, and masks, areas and boxes by pycocotools."""
     from pycocotools import mask as coco_mask
 
     out.mkdir()
@@ -143,28 +147,47 @@ def coco(dataset: Dataset, out: Path) -> None:
                 for label in range(Label.ARM, Label.TARGET + len(episode.spec.objects)):
                     mask = np.asfortranarray(frames.segmentation[k] == label).astype(np.uint8)
                     found = coco_mask.encode(np.asfortranarray(mask))
-                    rows.append({"segmentation": found["counts"].decode()})
+                    row = {"id": len(rows), "image": f"{i}_{name}_{k}", "category": label}
+                    row |= {"area": int(coco_mask.area(found))}
+                    row |= {"bbox": coco_mask.toBbox(found).tolist()}
+                    rows.append({**row, "segmentation": found["counts"].decode()})
     (out / "instances.json").write_text(json.dumps(rows))
 
 
 def bop(dataset: Dataset, out: Path) -> None:
-    """Write PNG files of colours, depth and each object's mask, without models."""
-    out.mkdir()
+    """Write folders of scenes: PNG files, and cameras, poses and boxes as JSON; then the models."""
+    numbers: dict[str, int] = {}
     for i, episode in enumerate(dataset):
+        scene = out / str(episode.columns["split"]) / f"{i:06d}"
+        for kind in ("rgb", "depth", "mask_visib"):
+            (scene / kind).mkdir(parents=True)
+        cameras, poses, infos = {}, {}, {}
         for name, frames in episode.cameras.items():
             for k in range(2):
+                image = f"{name}_{k}"
                 depth = (frames.depth[k] * 10_000.0).astype(np.uint16)
-                cv2.imwrite(str(out / f"{i}_{name}_{k}.png"), frames.rgb[k][..., ::-1], LEVEL)
-                cv2.imwrite(str(out / f"{i}_{name}_{k}_depth.png"), depth, LEVEL)
+                rgb = frames.rgb[k][..., ::-1]
+                cv2.imwrite(str(scene / "rgb" / f"{image}.png"), rgb, LEVEL)
+                cv2.imwrite(str(scene / "depth" / f"{image}.png"), depth, LEVEL)
+                infos[image] = []
                 for m in range(len(episode.spec.objects)):
                     mask = np.uint8(255) * (frames.segmentation[k] == Label.TARGET + m)
-                    cv2.imwrite(str(out / f"{i}_{name}_{k}_{m}.png"), mask, LEVEL)
+                    cv2.imwrite(str(scene / "mask_visib" / f"{image}_{m}.png"), mask, LEVEL)
+                    counts = {"px": cv2.countNonZero(mask), "box": cv2.boundingRect(mask)}
+                    infos[image].append(counts)
+                cameras[image] = {"cam_K": frames.intrinsics.ravel().tolist()}
+                poses[image] = poses_in_camera(episode, frames, k)
+        (scene / "scene_camera.json").write_text(json.dumps(cameras))
+        (scene / "scene_gt.json").write_text(json.dumps(poses))
+        (scene / "scene_gt_info.json").write_text(json.dumps(infos))
+        write_models(dataset, episode, numbers, out / "models")
 
 
 def ycb(dataset: Dataset, out: Path) -> None:
-    """Write PNG files of colours, depth and labels, and poses by SciPy, without models."""
+    """Write PNG files of colours, depth and labels, poses by SciPy, and the models."""
     from scipy.io import savemat
 
+    numbers: dict[str, int] = {}
     out.mkdir()
     for i, episode in enumerate(dataset):
         for name, frames in episode.cameras.items():
@@ -173,8 +196,27 @@ def ycb(dataset: Dataset, out: Path) -> None:
                 cv2.imwrite(str(out / f"{i}_{name}_{k}.png"), frames.rgb[k][..., ::-1], LEVEL)
                 cv2.imwrite(str(out / f"{i}_{name}_{k}_depth.png"), depth, LEVEL)
                 cv2.imwrite(str(out / f"{i}_{name}_{k}_label.png"), frames.segmentation[k], LEVEL)
-                poses = episode.columns["object_rest_pose"]
+                poses = poses_in_camera(episode, frames, k)
                 savemat(out / f"{i}_{name}_{k}.mat", {"K": frames.intrinsics, "poses": poses})
+        write_models(dataset, episode, numbers, out / "models")
+
+
+def poses_in_camera(episode: Episode, frames: CameraFrames, k: int) -> list[Any]:
+    """Return each object's pose in the camera's frame before (0) or after (1), (4, 4) as lists."""
+    last = episode.streams["object_pose"][-1:]
+    world = last[0] if k and len(last) else episode.columns["object_rest_pose"]
+    return (inverse(frames.T_world_camera[k]) @ pose_matrices(world)).tolist()
+
+
+def write_models(dataset: Dataset, episode: Episode, numbers: dict[str, int], folder: Path) -> None:
+    """Write the objects that no episode before had as PLY files."""
+    folder.mkdir(exist_ok=True)
+    for recipe in episode.spec.objects:
+        key = f"{recipe.object_id} {recipe.scale}"
+        if key not in numbers:
+            numbers[key] = len(numbers) + 1
+            mesh = dataset.object_mesh(recipe)
+            (folder / f"{numbers[key]}.ply").write_text(ply_text(mesh, mesh.center))
 
 
 BARE: Mapping[str, Callable[[Dataset, Path], None]] = {

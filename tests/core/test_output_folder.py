@@ -5,42 +5,19 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
-from unittest import mock
 
 import pytest
+from support.killed_publishing import publish_until_killed
 
 from grasp_factory.core.output_folder import check_free, publish
 from grasp_factory.errors import UsageError
-
-CALLS = ("mkdir", "replace", "rename", "rmdir")
 
 
 def built(folder: Path) -> Path:
     (folder / "built").mkdir()
     (folder / "built/file").write_text("whole")
     return folder / "built"
-
-
-def publish_until_killed(folder: Path, calls: int, is_done: bool) -> None:
-    """Publish, and be killed before, or after, one of the calls that change the folder."""
-    left = iter(range(calls))
-
-    def call(real: Callable[..., object], *args: object, **more: object) -> None:
-        is_last = next(left, None) is None
-        if not is_last or is_done:
-            real(*args, **more)
-        if is_last:
-            os.kill(os.getpid(), signal.SIGKILL)
-
-    def killing(name: str) -> Callable[..., None]:
-        real = getattr(os, name)
-        return lambda *args, **more: call(real, *args, **more)
-
-    for name in CALLS:
-        mock.patch.object(os, name, killing(name)).start()
-    publish(folder / "built", folder / "out", "a test")
 
 
 @pytest.mark.parametrize("is_done", [False, True])

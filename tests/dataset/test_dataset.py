@@ -400,6 +400,13 @@ def test_a_lost_or_broken_shard_fails_to_verify_and_is_named(own_path: Path) -> 
     assert dataset.verify(4)
 
 
+def test_the_recipes_of_several_episodes_are_those_of_each(dataset: Dataset) -> None:
+    rows = dataset.committed[::-1].tolist() * 40
+    found = list(dataset.specs(rows))
+    assert found == [dataset.spec(row) for row in rows]
+    assert [spec.to_json() for spec in found] == [str(dataset.value(row, "spec")) for row in rows]
+
+
 def test_a_broken_recipe_is_named(own_path: Path) -> None:
     root: Any = zarr.open_group(own_path, mode="r+")
     root["episodes/spec"][0] = '{"index": 0}'

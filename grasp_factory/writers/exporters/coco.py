@@ -52,8 +52,8 @@ Category = tuple[str, str]
 
 def prepare(episodes: Selection, settings: Any) -> dict[Category, int]:
     """Return the ids of the categories, from 1: the robot's parts, then families of objects."""
-    specs = (episodes.spec(place) for place in range(len(episodes)))
-    families = sorted({(OBJECT, recipe.family) for spec in specs for recipe in spec.objects})
+    recipes = (recipe for spec in episodes.specs() for recipe in spec.objects)
+    families = sorted({(OBJECT, recipe.family) for recipe in recipes})
     names = [*((ROBOT, name) for name in ROBOT_PARTS.values()), *families]
     return {name: k for k, name in enumerate(names, start=1)}
 

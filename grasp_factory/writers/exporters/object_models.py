@@ -55,8 +55,8 @@ def key_of(recipe: ObjectSpec) -> ModelKey:
 def number_models(episodes: Selection) -> dict[ModelKey, NumberedModel]:
     """Return all models of the episodes, in the order of first use."""
     numbers: dict[ModelKey, NumberedModel] = {}
-    for place in range(len(episodes)):
-        for recipe in episodes.spec(place).objects:
+    for place, spec in enumerate(episodes.specs()):
+        for recipe in spec.objects:
             model = NumberedModel(number=len(numbers) + 1, first=place)
             numbers.setdefault(key_of(recipe), model)
     return numbers

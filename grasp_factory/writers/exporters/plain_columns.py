@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from grasp_factory.core.enums import label_names, word_of
@@ -39,4 +40,6 @@ def plain_columns(spec: EpisodeSpec, contents: Mapping[str, NDArray[Any]]) -> di
 
 def plain(values: NDArray[Any]) -> Any:
     """Return an array as lists and scalars; NaN and infinite numbers are None."""
-    return finite(values.tolist())
+    listed = values.tolist()
+    is_finite = values.dtype.kind != "f" or np.isfinite(values).all()
+    return listed if is_finite else finite(listed)

@@ -71,8 +71,8 @@ class EpisodeSource(Protocol):
     def values(self, indices: Iterable[int], column: str) -> NDArray[Any]:
         """Return one column's values of K episodes, (K, ...)."""
 
-    def spec(self, index: int) -> EpisodeSpec:
-        """Return the recipe of the episode at a row."""
+    def specs(self, indices: Iterable[int]) -> Iterator[EpisodeSpec]:
+        """Iterate over the recipes of the episodes at rows, in their order."""
 
     def calibration(self, index: int, camera: str, frame: int) -> tuple[Array, Array]:
         """Return a camera's intrinsics (3, 3), pixels, and pose (4, 4) at frame 0 or 1.
@@ -211,10 +211,14 @@ class Selection:
         parts = [source.values(self.row[run], column) for source, run in self._runs(places)]
         return np.concatenate(parts)
 
-    def spec(self, place: int) -> EpisodeSpec:
-        """Return the recipe of an episode; no other array is read."""
-        store, row = self.origin(place)
-        return self.sources[store].spec(row)
+    def specs(self) -> Iterator[EpisodeSpec]:
+        """Yield the recipe of each episode; no other array is read.
+
+        Raises:
+            StoreError: if one is damaged.
+        """
+        for source, run in self._runs(range(len(self))):
+            yield from source.specs(self.row[run])
 
     def object_mesh(self, place: int, recipe: ObjectSpec) -> TriangleMesh:
         """Return the surface of an object of an episode's recipe, in the object's own frame.
