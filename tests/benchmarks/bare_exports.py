@@ -17,6 +17,7 @@ import numcodecs
 import numpy as np
 import zarr
 from benchmarks.bare_rosbag import rosbag2
+from numpy.typing import NDArray
 
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import CameraFrames, Episode
@@ -117,6 +118,38 @@ def diffusion_policy(dataset: Dataset, out: Path) -> None:
                     )
                 root[name][start : start + count] = values
         start += count
+
+
+def lerobot(dataset: Dataset, out: Path) -> None:
+    """Write frames by OpenCV as videos, and all series with their statistics by pyarrow."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    out.mkdir()
+    for i, episode in enumerate(dataset):
+        if not len(episode.videos["timestamp"]):
+            continue
+        steps, moments = steps_of(episode), {}
+        for name, frames in steps.images.items():
+            height, width = frames.shape[1:3]
+            code = cv2.VideoWriter.fourcc(*"mp4v")
+            video = cv2.VideoWriter(str(out / f"{i}_{name}.mp4"), code, 10.0, (width, height))
+            for frame in frames:
+                video.write(frame[..., ::-1])
+            video.release()
+            moments[name] = statistics_of(frames[:, ::4, ::4].reshape(-1, 3) / 255.0)
+        columns = {"state": steps.state, "action": steps.action, **episode.streams}
+        moments |= {name: statistics_of(v) for name, v in columns.items() if v.dtype.kind == "f"}
+        flat = {name: v.reshape(len(v), -1) for name, v in columns.items()}
+        for name, values in flat.items():
+            array = pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
+            parquet.write_table(pa.table({name: array}), out / f"{i}_{name}.parquet")
+        (out / f"{i}.json").write_text(json.dumps(moments))
+
+
+def statistics_of(values: NDArray[Any]) -> dict[str, Any]:
+    """Return the statistics that a data set of LeRobot has of a feature; of images, of a sample."""
+    return {name: getattr(values, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")}
 
 
 def tfrecord(dataset: Dataset, out: Path) -> None:
@@ -225,6 +258,7 @@ BARE: Mapping[str, Callable[[Dataset, Path], None]] = {
     "robomimic": robomimic,
     "bop": bop,
     "coco": coco,
+    "lerobot": lerobot,
     "rosbag2": rosbag2,
     "sequences": sequences,
     "tfrecord": tfrecord,

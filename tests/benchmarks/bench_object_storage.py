@@ -11,12 +11,14 @@ are read in turns, in processes that have imported everything. The page cache is
 from __future__ import annotations
 
 import argparse
+import math
 import multiprocessing
 import os
 import statistics
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,8 @@ from grasp_factory.dataset.summary import summarise
 from grasp_factory.torch import GraspDataset, GraspStream
 
 BATCH, WORKERS = 64, 2
+EPOCHS = 5
+"""Of a training with the file of examples that ``GraspDataset`` has by default."""
 EPISODE_MS, INFO_S, LOADER_RATIO = 5.0, 0.5, 0.6
 """Bounds: a random episode with warm caches, the first ``info``, the loader against the disk."""
 
@@ -71,8 +75,8 @@ def episode_ms(store: str, reads: int = 200) -> float:
 class Feed:
     """A loader of one epoch after another, whose workers stay."""
 
-    def __init__(self, store: str, *, is_stream: bool) -> None:
-        examples = GraspDataset(store, keep_bytes=0)
+    def __init__(self, store: str, *, is_stream: bool = False, **settings: Any) -> None:
+        examples = GraspDataset(store, **settings)
         options: dict[str, Any] = {"batch_size": BATCH, "num_workers": WORKERS}
         options |= {"persistent_workers": True, "multiprocessing_context": "spawn"}
         self._loader: DataLoader[Any] = (
@@ -81,12 +85,21 @@ class Feed:
             else DataLoader(examples, shuffle=True, **options)
         )
 
-    def speed(self) -> float:
-        """Return the examples per second of an epoch."""
-        started, count = time.perf_counter(), 0
-        for batch in self._loader:
-            count += len(batch["success"])
+    def speed(self, epochs: int = 1) -> float:
+        """Return the examples per second of epochs, from the first batch on."""
+        started, count = math.nan, 0
+        for _ in range(epochs):
+            for batch in self._loader:
+                if math.isnan(started):
+                    started = time.perf_counter()
+                else:
+                    count += len(batch["success"])
         return count / (time.perf_counter() - started)
+
+
+def kept_speed(store: str) -> float:
+    """Return the examples per second of the first epochs of a training."""
+    return Feed(store).speed(EPOCHS)
 
 
 def in_turns(what: str, here: Callable[[], float], there: Callable[[], float], rounds: int) -> None:
@@ -125,10 +138,12 @@ def main() -> None:
         for name, store in zip(("disk", "there"), stores, strict=True):
             print(f"episode, {name:6}{episode_ms(store):11.2f} ms, bound {EPISODE_MS} ms")
         for kind, is_stream in (("GraspStream", True), ("GraspDataset, shuffled", False)):
-            feeds = [Feed(store, is_stream=is_stream) for store in stores]
+            feeds = [Feed(store, is_stream=is_stream, keep_bytes=0) for store in stores]
             for feed in feeds:
                 feed.speed()
             in_turns(kind, feeds[0].speed, feeds[1].speed, given.rounds)
+        kept = [partial(kept_speed, store) for store in stores]
+        in_turns(f"shuffled, {EPOCHS} epochs", kept[0], kept[1], given.rounds)
 
 
 if __name__ == "__main__":
