@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
+import os
 import signal
 import time
 from collections.abc import Iterator, Sequence
@@ -142,11 +143,14 @@ def start_worker(imports: Sequence[str] = ()) -> Worker:
 def early_workers(number: int, imports: Sequence[str]) -> Iterator[Sequence[Worker]]:
     """Start workers that import modules while this process does so too; end them after the block.
 
+    There may be fewer jobs than workers, so there is one for each other core at most.
+
     Args:
-        number: how many.
+        number: how many at most.
         imports: modules that their task needs, because the import is most of their start.
     """
-    workers = [start_worker(imports) for _ in range(number)]
+    others = max(1, len(os.sched_getaffinity(0)) - 1)
+    workers = [start_worker(imports) for _ in range(min(number, others))]
     try:
         yield workers
     finally:
