@@ -3,7 +3,8 @@
     PYTHONPATH=tests python -m peers.training FOLDER [PEER ...]
 
 It keeps stores and exports in FOLDER and goes on with what is there. It writes the lines of each
-``train.py`` to ``FOLDER/PEER.log``, and draws the picture ``FOLDER/losses.png``.
+``train.py`` to ``FOLDER/PEER.log``, or to ``FOLDER/PEER.log.part`` while it trains, and draws the
+picture ``FOLDER/losses.png``.
 """
 
 from __future__ import annotations
@@ -84,9 +85,11 @@ def run(peer: str, folder: Path) -> str:
         *training.arguments,
     ]
     env = {**os.environ, "PYTHONPATH": source_of(peer)}
-    done = subprocess.run(command, check=True, env=env, stdout=subprocess.PIPE, text=True)
-    log.write_text(done.stdout)
-    return done.stdout
+    unfinished = folder / f"{peer}.log.part"
+    with unfinished.open("w") as file:
+        subprocess.run(command, check=True, env=env, stdout=file)
+    unfinished.rename(log)
+    return log.read_text()
 
 
 def draw(path: Path, printed: Mapping[str, str]) -> None:
