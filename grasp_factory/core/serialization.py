@@ -68,12 +68,17 @@ def from_parsed_json(cls: type[R], data: Any, where: str) -> R:
     A section that many records share is converted once: see ``sections_of``.
     """
     if isinstance(data, dict):
-        shared = filter(data.__contains__, sections_of(cls))
-        sections = {
-            key: _section(cast(Any, cls), key, json.dumps(data[key]), where) for key in shared
+        texts = {key: json.dumps(data[key]) for key in sections_of(cls) if key in data}
+        data = data | {
+            key: _section(cast(Any, cls), key, text, where)
+            for key, text in texts.items()
+            if len(text) <= _LONGEST_SHARED
         }
-        data = data | sections
     return from_plain(cls, data, where)
+
+
+_LONGEST_SHARED = 4096
+"""Characters of a section that is kept: those of a stranger may have megabytes."""
 
 
 @lru_cache(maxsize=64)

@@ -72,7 +72,7 @@ class Team:
             place: its number, by which reports name it.
             job: the job.
         """
-        worker = self._idle.pop() if self._idle else self._hire()
+        worker = self._alive() or self._hire()
         self._busy[worker.pipe] = worker
         worker.give(place, job)
 
@@ -94,6 +94,15 @@ class Team:
         for worker in workers:
             worker.stop()
         self._busy, self._idle = {}, []
+
+    def _alive(self) -> Worker | None:
+        """Return an idle worker, unless there is none that still runs."""
+        while self._idle:
+            worker = self._idle.pop()
+            if worker.process.exitcode is None:
+                return worker
+            worker.stop()
+        return None
 
     def _hire(self) -> Worker:
         worker = start_worker()
