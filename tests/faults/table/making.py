@@ -28,9 +28,9 @@ FAULTS = (
     ),
     Fault(
         "results-in-the-order-of-arrival",
-        "core/executors/pool.py",
-        "return [results[place] for place in range(len(jobs))]",
-        "return list(results.values())",
+        "core/executors/job_round.py",
+        "return [self._results[place] for place in range(len(self._results))]",
+        "return list(self._results.values())",
         ("conformance/test_executors.py", "core/test_executors.py"),
     ),
     Fault(
