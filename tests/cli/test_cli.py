@@ -399,6 +399,16 @@ def test_closed_streams_are_no_failure(store: Path, closed: str) -> None:
     assert (done.stdout == "") is (" >" in f" {closed}")
 
 
+def test_workers_inherit_what_stands_for_a_closed_stdout() -> None:
+    code = (
+        "import os, sys; from grasp_factory import __main__ as program;"
+        " program._open_standard_streams(); sys.exit(0 if os.get_inheritable(1) else 3)"
+    )
+    command = f"'{sys.executable}' -c '{code}' >&-"
+    done = subprocess.run(["bash", "-c", command], cwd=REPOSITORY, check=False)
+    assert done.returncode == 0
+
+
 def test_a_path_that_is_no_text_is_printed_with_escapes(store: Path, tmp_path: Path) -> None:
     path = os.fsencode(tmp_path) + b"/n\xff.zarr"
     os.symlink(store, path)
