@@ -110,7 +110,7 @@ def test_early_workers_do_the_jobs_and_end_with_their_block() -> None:
 def test_an_early_worker_that_died_is_replaced() -> None:
     blocks.HEARD.clear()
     with early_workers(1, ["no_such_module"]) as ready:
-        ready[0].process.join(30.0)
+        ready[0].process.join()
         executor = SharingExecutor(2, ready)
         pids = executor.run(blocks.first_waits_for_others, range(4), blocks.HEARD.append)
     assert pids[0] == os.getpid()

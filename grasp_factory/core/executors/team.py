@@ -96,7 +96,7 @@ class Team:
         self._busy, self._idle = {}, []
 
     def _alive(self) -> Worker | None:
-        """Return an idle worker, unless there is none that still runs."""
+        """Return an idle worker that still runs, or None; end those that do not."""
         while self._idle:
             worker = self._idle.pop()
             if worker.process.exitcode is None:
