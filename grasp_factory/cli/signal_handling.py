@@ -7,11 +7,11 @@ import os
 import signal
 import sys
 import threading
-import warnings
 from collections.abc import Iterator
 from types import FrameType
 from typing import Any, NoReturn
 
+from grasp_factory.core.process_end import ignore_unstarted_coroutines
 from grasp_factory.errors import Terminated
 
 RETRY_S = 0.01
@@ -63,7 +63,7 @@ def signals_as_exceptions() -> Iterator[None]:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, before[signal.SIGALRM])
         if _is_stopping():  # until the process ends
-            _ignore_unstarted_coroutines()
+            ignore_unstarted_coroutines()
         else:
             sys.unraisablehook = unraisable
             signal.signal(signal.SIGTERM, before[signal.SIGTERM])
@@ -92,13 +92,8 @@ def _is_stopping() -> bool:
     return signal.getsignal(signal.SIGTERM) is _ignore_sigterm
 
 
-def _ignore_unstarted_coroutines() -> None:
-    # The exception may have come between the creation and the start of a coroutine of Zarr.
-    warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
-
-
 def _exit_at_the_next_signal(code: int) -> None:
-    _ignore_unstarted_coroutines()
+    ignore_unstarted_coroutines()
     # `timeout` sends SIGTERM twice. With SIG_IGN, Python would complain about a pending signal.
     signal.signal(signal.SIGTERM, _ignore_sigterm)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from multiprocessing import spawn
+from multiprocessing import get_context, spawn
 from pathlib import Path
 from typing import Any
 
@@ -216,6 +216,49 @@ def test_generate_without_a_main_guard_says_so_in_few_lines(tmp_path: Path) -> N
     assert "the script starts workers again: put the call under `if __name__" in done.stderr
     assert "runpy" not in done.stderr
     assert "ConnectionResetError" not in done.stderr
+
+
+SQUARES = """
+from support import fake_blocks
+from grasp_factory.core.executors import ProcessExecutor
+if __name__ == "__main__":
+    assert ProcessExecutor(2).run(fake_blocks.square, [3, 4], lambda _: None) == [9, 16]
+"""
+
+
+def test_a_script_from_a_pipe_can_start_workers() -> None:
+    done = subprocess.run(
+        [sys.executable, "-"], input=SQUARES, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": f"{ROOT}:{TESTS}"},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_files_in_the_current_folder_are_not_taken_for_modules_of_python(tmp_path: Path) -> None:
+    folder, scripts = tmp_path / "here", tmp_path / "scripts"
+    for each in (folder, scripts):
+        each.mkdir()
+    for name in ("signal", "os", "pickle", "numpy"):
+        (folder / f"{name}.py").write_text("raise SystemExit('a file of the user')")
+    (scripts / "squares.py").write_text(SQUARES)
+    done = subprocess.run(
+        [sys.executable, str(scripts / "squares.py")], cwd=folder, capture_output=True, text=True,
+        check=False, env=os.environ | {"PYTHONPATH": f"{ROOT}:{TESTS}"},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_process_that_can_start_no_workers_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with get_context("spawn").Pool(1) as pool, pytest.raises(WorkerError, match="use workers=1"):
+        pool.apply(blocks.squares_in_workers)
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with pytest.raises(WorkerError, match="the current folder was deleted"):
+        blocks.squares_in_workers()
 
 
 def test_a_killed_worker_is_an_error_that_names_job_and_signal() -> None:

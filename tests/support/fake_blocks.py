@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from grasp_factory.core.executors import ProcessExecutor
 from grasp_factory.errors import RecipeError
 
 Report = Callable[[Any], None]
@@ -25,6 +26,10 @@ def square(block: int, report: Report) -> int:
     for step in range(3):
         report((block, step))
     return block * block
+
+
+def squares_in_workers() -> list[int]:
+    return ProcessExecutor(1).run(square, [3, 4], lambda _: None)
 
 
 def process_id(block: int, report: Report) -> int:

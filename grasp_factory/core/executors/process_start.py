@@ -9,8 +9,9 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
-ONE_THREAD = {
+OF_A_WORKER = {
     name: "1"
     for name in (
         "OMP_NUM_THREADS",
@@ -18,9 +19,11 @@ ONE_THREAD = {
         "MKL_NUM_THREADS",
         "BLOSC_NTHREADS",
         "OPENCV_FOR_THREADS_NUM",
+        "PYTHONSAFEPATH",
     )
 }
-"""Environment variables of workers: the workers already share the cores among themselves."""
+"""Environment variables of workers: one thread, because the workers share the cores already; and
+modules are not looked for in the current folder before they have the path of their parent."""
 
 _POSTPONED = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
 
@@ -72,6 +75,24 @@ def _handled_later() -> Iterator[None]:
             signal.signal(number, handler)
         for missed in came:
             signal.raise_signal(missed)
+
+
+@contextlib.contextmanager
+def without_lost_script() -> Iterator[None]:
+    """Start a child although this process's script is no file, such as a script from a pipe.
+
+    A child runs the script again to have its functions, and would fail without the file.
+    """
+    main = sys.modules["__main__"]
+    name = getattr(main, "__file__", None)
+    if name is None or Path(name).exists():
+        yield
+        return
+    del main.__file__
+    try:
+        yield
+    finally:
+        main.__file__ = name
 
 
 def check_main_guard() -> None:

@@ -17,8 +17,8 @@ from multiprocessing import connection
 from typing import Any
 
 from grasp_factory.core.executors.base import Task
-from grasp_factory.core.parent_process import end_with_parent
 from grasp_factory.core.plugins.plugin_sources import PluginSource, allow
+from grasp_factory.core.process_end import end_with_parent, ignore_unstarted_coroutines
 
 
 def serve(
@@ -34,6 +34,7 @@ def serve(
         imports: modules to import before the task comes.
     """
     end_with_parent()
+    os.environ.pop("PYTHONSAFEPATH", None)  # it was for the start alone, not for users' programs
     allow(sources)
     signal.signal(signal.SIGTERM, _leave)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # blocked while it started
@@ -61,6 +62,7 @@ def serve(
 
 
 def _leave(*_: Any) -> None:
+    ignore_unstarted_coroutines()
     # A second signal would interrupt the cleanup. Not SIG_IGN: Python reports a pending one.
     signal.signal(signal.SIGTERM, lambda *_: None)
     code = 128 + signal.SIGTERM

@@ -15,7 +15,13 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from grasp_factory.core.executors.base import Silence, Task, forever
-from grasp_factory.core.executors.process_start import ONE_THREAD, environment, no_interrupt
+from grasp_factory.core.executors.process_start import (
+    OF_A_WORKER,
+    check_main_guard,
+    environment,
+    no_interrupt,
+    without_lost_script,
+)
 from grasp_factory.core.executors.serving import serve
 from grasp_factory.core.plugins.plugin_sources import allowed
 from grasp_factory.errors import WorkerError
@@ -115,8 +121,8 @@ class Worker:
     def _check_guard(self) -> None:
         if not self.heard and self.process.exitcode == 1:
             raise WorkerError(
-                "a worker ended (exit code 1) before it began: see above why; a script that calls"
-                ' generate() does so under `if __name__ == "__main__":`'
+                "a worker ended (exit code 1) before it began: see above why; a script that starts"
+                ' workers does so under `if __name__ == "__main__":`'
             ) from None
 
     def _cause(self) -> str:
@@ -129,14 +135,32 @@ def start_worker(imports: Sequence[str] = ()) -> Worker:
 
     Args:
         imports: modules that it imports meanwhile.
+
+    Raises:
+        WorkerError: in a process that cannot start any.
     """
+    _check_start()
     ours, theirs = _SPAWN.Pipe()
     process = _SPAWN.Process(target=serve, args=(theirs, allowed(), imports), daemon=True)
-    resource_tracker.ensure_running()  # its own start would undo the signal mask
-    with environment(ONE_THREAD), no_interrupt():
-        process.start()
+    with environment(OF_A_WORKER), without_lost_script():
+        resource_tracker.ensure_running()  # its own start would undo the signal mask
+        with no_interrupt():
+            process.start()
     theirs.close()
     return Worker(process, ours)
+
+
+def _check_start() -> None:
+    check_main_guard()
+    if multiprocessing.current_process().daemon:
+        raise WorkerError(
+            "this process is a daemon of multiprocessing, which can start no workers: use workers=1"
+            " in it"
+        )
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise WorkerError("the current folder was deleted: change to another one") from None
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ import resource
 import sys
 import warnings
 
-from grasp_factory.core.parent_process import end_with_parent
+from grasp_factory.core.process_end import end_with_parent
 from grasp_factory.core.serialization import from_plain, to_plain
 from grasp_factory.errors import GraspFactoryError
 from grasp_factory.objects.importing.base import UnusableError

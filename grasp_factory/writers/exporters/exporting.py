@@ -12,6 +12,7 @@ import numpy as np
 
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.executors import Executor, SendMessage, SharingExecutor, Worker
+from grasp_factory.core.executors.process_start import check_main_guard
 from grasp_factory.core.output_folder import check_free, publish
 from grasp_factory.core.place import place_at
 from grasp_factory.core.place_tree import file_facts_below, fsync_tree
@@ -70,8 +71,9 @@ def run_export(
             below 1, or episodes that the format cannot hold.
         ConfigError: for a setting that is not valid.
         StoreError: if a dataset is damaged, or the disk fails or is full.
-        WorkerError: if a worker process dies.
+        WorkerError: if a worker process cannot start, or dies.
     """
+    check_main_guard()
     if not is_integer(workers) or workers < 1:
         raise UsageError(f"workers: got {shown(workers)}, valid: an integer from 1")
     exporter.check_libraries()

@@ -1,10 +1,11 @@
-"""A way to end this process when its parent process ends."""
+"""The end of a process: with its parent, and without warnings after a signal."""
 
 from __future__ import annotations
 
 import ctypes
 import signal
 import sys
+import warnings
 
 _PR_SET_PDEATHSIG = 1
 
@@ -16,3 +17,8 @@ def end_with_parent() -> None:
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+def ignore_unstarted_coroutines() -> None:
+    """Hide a warning after a signal, which may come before a coroutine of Zarr begins."""
+    warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
