@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from importlib import import_module
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
 
@@ -131,22 +130,26 @@ class Dataset(AnnotatedEpisodes):
 
     def __iter__(self) -> Iterator[Episode]:
         """Iterate over the episodes in their order; see ``iter_episodes``."""
-        return self._each(self._rows.rows_at(self.committed))
+        return self._episodes.of_blocks(self._rows.rows_at(self.committed))
 
-    def iter_episodes(self, indices: Iterable[int]) -> Iterator[Episode]:
+    def iter_episodes(
+        self, indices: Iterable[int], series: Sequence[str] | None = None
+    ) -> Iterator[Episode]:
         """Iterate over episodes in the order of their indices.
 
         Neighbours of a block are read together, but for their images: those of one episode are in
         memory.
 
+        Args:
+            indices: The episodes.
+            series: Paths of the time series that are needed, such as ``streams/tcp_pose``; None for
+                all. Of the others, the episodes have ``timestamp`` alone. With noise all are read.
+
         Raises:
+            UnknownNameError: for a time series that does not exist.
             TypeError, IndexError, StoreError: as for ``dataset[indices]``.
         """
-        return self._each(self._rows.several(indices))
-
-    def _each(self, rows: NDArray[np.int64]) -> Iterator[Episode]:
-        changes = np.flatnonzero(np.diff(rows // self.config.block_size)) + 1
-        return chain.from_iterable(map(self._episodes.each, np.split(rows, changes)))
+        return self._episodes.of_blocks(self._rows.several(indices), series)
 
     def iter_blocks(
         self, indices: Iterable[int] | None = None

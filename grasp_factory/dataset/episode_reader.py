@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,8 @@ from grasp_factory.dataset.row_codec import (
     read_together,
 )
 from grasp_factory.dataset.row_integrity import episode_contents
-from grasp_factory.errors import StoreError
-from grasp_factory.signals.noise import EpisodeNoise
+from grasp_factory.errors import StoreError, lookup
+from grasp_factory.signals.noise import EpisodeNoise, named_noise
 from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.writer import COMMITTED
 
@@ -66,14 +66,29 @@ class Episodes:
         found = dict(zip(wanted.tolist(), self.each(wanted), strict=True))
         return [found[row] for row in rows.tolist()]
 
-    def each(self, rows: NDArray[np.int64]) -> Iterator[Episode]:
+    def of_blocks(
+        self, rows: NDArray[np.int64], series: Sequence[str] | None = None
+    ) -> Iterator[Episode]:
+        """Yield the episode of each of K rows of any blocks, in their order; see ``each``."""
+        changes = np.flatnonzero(np.diff(rows // self._config.block_size)) + 1
+        for block in np.split(rows, changes):
+            yield from self.each(block, series)
+
+    def each(
+        self, rows: NDArray[np.int64], series: Sequence[str] | None = None
+    ) -> Iterator[Episode]:
         """Yield the episode of each of K rows of a block, in their order.
 
         Consecutive rows are read together, also across rows without an episode, but for videos and
         large images: those of one episode are in memory. Only the requested episodes are read.
 
+        Args:
+            rows: the rows, (K,).
+            series: see ``Dataset.iter_episodes``.
+
         Raises:
-            StoreError: if one is damaged.
+            UnknownNameError: for a time series that does not exist.
+            StoreError: if an episode is damaged.
         """
         wanted = np.unique(rows)
         if not len(wanted):
@@ -82,8 +97,9 @@ class Episodes:
         is_other = self._read(schema.STATUS.path, start, stop) == COMMITTED
         is_other[wanted - start] = False
         run_of = np.cumsum(is_other)[wanted - start]
-        large = self._large_images()
-        others = {path: field for path, field in self._fields.items() if path not in large}
+        fields = self._with_series(series)
+        large = self._large_images(fields)
+        others = {path: field for path, field in fields.items() if path not in large}
         read: dict[int, Row] = {}
         for run in np.split(wanted, np.flatnonzero(np.diff(run_of)) + 1):
             first, last = int(run[0]), int(run[-1])
@@ -91,16 +107,25 @@ class Episodes:
         for row in rows.tolist():
             yield self._episode(row, read[row] | read_alone(self._read, large, row, read[row]))
 
-    def _large_images(self) -> dict[str, Field]:
+    def _with_series(self, series: Sequence[str] | None) -> Mapping[str, Field]:
+        """Return the fields without time series that are not wanted; each group has its times."""
+        if series is None or self._noise.noise != named_noise(None):
+            return self._fields
+        every = {path: field for path, field in self._fields.items() if field.length_column}
+        wanted = {path: lookup(every, "time series", path) for path in series}
+        wanted |= {path: field for path, field in every.items() if path.endswith("/timestamp")}
+        return {p: f for p, f in self._fields.items() if p not in every or p in wanted}
+
+    def _large_images(self, fields: Mapping[str, Field]) -> dict[str, Field]:
         """Return the fields of videos, and of other images if those of a block are large."""
-        shapes = {p: self._arrays[p].zarr for p, field in self._fields.items() if field.is_image}
+        shapes = {p: self._arrays[p].zarr for p, field in fields.items() if field.is_image}
         stills = sum(
             array.dtype.itemsize * math.prod(array.shape[1:])
             for path, array in shapes.items()
-            if not self._fields[path].is_video
+            if not fields[path].is_video
         )
         is_large = stills * self._config.block_size > MOST_STILLS
-        return {p: self._fields[p] for p in shapes if is_large or self._fields[p].is_video}
+        return {p: fields[p] for p in shapes if is_large or fields[p].is_video}
 
     def is_whole(self, row: int) -> bool:
         """Return whether an episode's values match its checksum."""

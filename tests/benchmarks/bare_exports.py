@@ -7,7 +7,7 @@ import io
 import json
 import tarfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,17 @@ from numpy.typing import NDArray
 from grasp_factory.core.enums import Label
 from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import inverse, pose_matrices
+from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.writers.exporters.images import PNG_LEVEL
-from grasp_factory.writers.exporters.mesh_files import ply_text
+from grasp_factory.writers.exporters.mesh_files import (
+    obj_file_text,
+    ply_text,
+    surface_points,
+    xyz_text,
+)
 from grasp_factory.writers.exporters.steps import observations, steps_of
+from grasp_factory.writers.exporters.ycb import POINTS
 
 LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL]
 
@@ -213,25 +220,36 @@ def bop(dataset: Dataset, out: Path) -> None:
         (scene / "scene_camera.json").write_text(json.dumps(cameras))
         (scene / "scene_gt.json").write_text(json.dumps(poses))
         (scene / "scene_gt_info.json").write_text(json.dumps(infos))
-        write_models(dataset, episode, numbers, out / "models")
+        (out / "models").mkdir(exist_ok=True)
+        for number, mesh in new_meshes(dataset, episode, numbers):
+            (out / "models" / f"{number}.ply").write_text(ply_text(mesh, mesh.center))
 
 
 def ycb(dataset: Dataset, out: Path) -> None:
-    """Write PNG files of colours, depth and labels, poses by SciPy, and the models."""
+    """Write PNG files of colours, depth and labels, boxes, poses by SciPy, and the models."""
     from scipy.io import savemat
 
     numbers: dict[str, int] = {}
-    out.mkdir()
     for i, episode in enumerate(dataset):
+        folder = out / "data" / f"{i:04d}"
+        folder.mkdir(parents=True)
         for name, frames in episode.cameras.items():
             for k in range(2):
+                stem, labels = folder / f"{name}_{k}", frames.segmentation[k]
                 depth = (frames.depth[k] * 10_000.0).astype(np.uint16)
-                cv2.imwrite(str(out / f"{i}_{name}_{k}.png"), frames.rgb[k][..., ::-1], LEVEL)
-                cv2.imwrite(str(out / f"{i}_{name}_{k}_depth.png"), depth, LEVEL)
-                cv2.imwrite(str(out / f"{i}_{name}_{k}_label.png"), frames.segmentation[k], LEVEL)
+                cv2.imwrite(f"{stem}-color.png", frames.rgb[k][..., ::-1], LEVEL)
+                cv2.imwrite(f"{stem}-depth.png", depth, LEVEL)
+                cv2.imwrite(f"{stem}-label.png", labels, LEVEL)
+                masks = [labels == Label.TARGET + m for m in range(len(episode.spec.objects))]
+                boxes = [cv2.boundingRect(mask.astype(np.uint8)) for mask in masks]
+                Path(f"{stem}-box.txt").write_text("".join(f"{box}\n" for box in boxes))
                 poses = poses_in_camera(episode, frames, k)
-                savemat(out / f"{i}_{name}_{k}.mat", {"K": frames.intrinsics, "poses": poses})
-        write_models(dataset, episode, numbers, out / "models")
+                savemat(f"{stem}-meta.mat", {"K": frames.intrinsics, "poses": poses})
+        for number, mesh in new_meshes(dataset, episode, numbers):
+            model = out / "models" / str(number)
+            model.mkdir(parents=True)
+            (model / "textured.obj").write_text(obj_file_text(mesh))
+            (model / "points.xyz").write_text(xyz_text(surface_points(mesh, POINTS)))
 
 
 def poses_in_camera(episode: Episode, frames: CameraFrames, k: int) -> list[Any]:
@@ -241,15 +259,15 @@ def poses_in_camera(episode: Episode, frames: CameraFrames, k: int) -> list[Any]
     return (inverse(frames.T_world_camera[k]) @ pose_matrices(world)).tolist()
 
 
-def write_models(dataset: Dataset, episode: Episode, numbers: dict[str, int], folder: Path) -> None:
-    """Write the objects that no episode before had as PLY files."""
-    folder.mkdir(exist_ok=True)
+def new_meshes(
+    dataset: Dataset, episode: Episode, numbers: dict[str, int]
+) -> Iterator[tuple[int, TriangleMesh]]:
+    """Yield number and mesh of the objects that no episode before had."""
     for recipe in episode.spec.objects:
         key = f"{recipe.object_id} {recipe.scale}"
         if key not in numbers:
             numbers[key] = len(numbers) + 1
-            mesh = dataset.object_mesh(recipe)
-            (folder / f"{numbers[key]}.ply").write_text(ply_text(mesh, mesh.center))
+            yield numbers[key], dataset.object_mesh(recipe)
 
 
 BARE: Mapping[str, Callable[[Dataset, Path], None]] = {

@@ -16,6 +16,7 @@ from support.exporter_contract import (
     ExporterContract,
     KilledContract,
     N,
+    SeriesContract,
     WorkersContract,
     cameras,
     make_store,
@@ -35,6 +36,13 @@ ALL = {**EXPORTERS, "lines of the tests": LINES, "images of the tests": IMAGES}
 
 @pytest.mark.parametrize("name", ALL)
 class TestEveryExporter(ExporterContract):
+    @pytest.fixture
+    def exporter(self, name: str) -> Exporter:
+        return ALL[name]
+
+
+@pytest.mark.parametrize("name", [name for name in ALL if ALL[name].series is not None])
+class TestOnlySomeSeries(SeriesContract):
     @pytest.fixture
     def exporter(self, name: str) -> Exporter:
         return ALL[name]

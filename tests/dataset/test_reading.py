@@ -242,6 +242,23 @@ class TestBlocksOfSomeRows:
         assert indices_of(dataset[[10, 8]]) == [10, 8]
         assert [mine.tolist() for mine, _ in dataset.iter_blocks([8, 10, 11])] == [[8, 10, 11]]
 
+    def test_have_the_time_series_that_are_asked_for_and_all_times(self) -> None:
+        dataset = Dataset(TINY)
+        for row, episode in enumerate(dataset.iter_episodes([0, 1], ["streams/tcp_pose"])):
+            whole = dataset[row]
+            assert list(episode.streams) == ["timestamp", "tcp_pose"]
+            assert set(episode.imu) == {"timestamp", "T_tcp_imu"}
+            np.testing.assert_array_equal(episode.streams["tcp_pose"], whole.streams["tcp_pose"])
+            assert (episode.n_steps, episode.n_imu) == (whole.n_steps, whole.n_imu)
+            assert episode.columns.keys() == whole.columns.keys()
+        with pytest.raises(UnknownNameError, match=r"unknown time series 'tcp_pose'.*did you mean"):
+            list(dataset.iter_episodes([0], ["tcp_pose"]))
+
+    def test_with_noise_have_all_time_series(self) -> None:
+        dataset = Dataset(TINY, noise="stereo")
+        (episode,) = dataset.iter_episodes([0], [])
+        assert episode.checksum() == dataset[0].checksum()
+
     @pytest.mark.parametrize("how", [{}, {"checked": True}, {"noise": "stereo"}], ids=str)
     def test_are_those_read_alone_however_it_is_opened(self, how: dict[str, Any]) -> None:
         dataset = Dataset(TINY, **how)

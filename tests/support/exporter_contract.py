@@ -274,6 +274,23 @@ class WorkersContract(ExportFixtures):
         assert tree(alone) == tree(shared)
 
 
+class SeriesContract(ExportFixtures):
+    """What an exporter that names its time series does without the others."""
+
+    def test_it_writes_what_it_writes_with_all_of_them(
+        self,
+        exporter: Exporter,
+        export: Callable[..., Exported],
+        dataset: Dataset,
+        settings: dict[str, Any],
+        out: Path,
+    ) -> None:
+        export()
+        with_all = dataclasses.replace(exporter, series=None)
+        run_export(with_all, [(dataset, ROWS)], out.with_stem("all"), settings)
+        assert tree(out) == tree(out.with_stem("all"))
+
+
 class KilledContract(ExportFixtures):
     """What a killed export leaves."""
 

@@ -115,6 +115,7 @@ ARTICLE = Exporter(
     ),
     excludes=excludes,
     write_part=write_part,
+    series=(),
     read_back=read_back,
     parameters=ArticleSettings,
 )

@@ -145,6 +145,9 @@ class Exporter:
     write_part: Callable[[ExportJob, ExportPart], Any]
     """Writes files of a part to ``job.folder``, and returns what ``finish`` needs to know: small,
     picklable data. Two parts write no file of the same name."""
+    series: Sequence[str] | None = None
+    """Paths of the time series that ``write_part`` needs, such as ``streams/object_pose``; None for
+    all. Of the others an episode has ``timestamp`` alone. Without the videos, much less is read."""
     finish: Callable[[ExportJob, Sequence[Any]], None] = nothing_more
     """Writes the files that describe all episodes, from what the parts returned, in their order."""
     excludes: Callable[[Selection, Any], Mapping[str, NDArray[np.bool_]]] = no_exclusions

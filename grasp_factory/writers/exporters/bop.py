@@ -185,5 +185,6 @@ BOP = Exporter(
     excludes=excludes,
     prepare=prepare,
     write_part=write_part,
+    series=("streams/object_pose",),
     finish=finish,
 )

@@ -216,5 +216,6 @@ COCO = Exporter(
     excludes=of_no_split,
     prepare=prepare,
     write_part=write_part,
+    series=(),
     finish=finish,
 )

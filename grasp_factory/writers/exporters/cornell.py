@@ -55,6 +55,7 @@ CORNELL = Exporter(
     contents=rectangle_contents(LAYOUT),
     excludes=excludes,
     write_part=partial(write_rectangles, LAYOUT),
+    series=(),
     finish=join_tables,
     parameters=RectangleSettings,
 )

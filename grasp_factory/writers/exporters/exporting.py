@@ -155,7 +155,7 @@ def _write_part(
     with (lines / f"{number:08d}").open("w", encoding="utf-8") as file:
 
         def episodes() -> Iterator[tuple[int, Episode]]:
-            for place, episode in job.episodes.each(places):
+            for place, episode in job.episodes.each(places, exporter.series):
                 yield place, episode
                 file.write(line(place, episode))
                 report(place)

@@ -179,6 +179,7 @@ GQCNN = Exporter(
     excludes=excludes,
     split=split,
     write_part=write_part,
+    series=(),
     finish=finish,
     parameters=GqcnnSettings,
 )

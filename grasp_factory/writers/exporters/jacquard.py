@@ -63,6 +63,7 @@ JACQUARD = Exporter(
     contents=rectangle_contents(LAYOUT),
     excludes=excludes,
     write_part=partial(write_rectangles, LAYOUT),
+    series=(),
     finish=join_tables,
     parameters=RectangleSettings,
 )

@@ -59,8 +59,13 @@ class EpisodeSource(Protocol):
     def __getitem__(self, index: int) -> Episode:
         """Return the episode at a row."""
 
-    def iter_episodes(self, indices: Iterable[int]) -> Iterator[Episode]:
-        """Iterate over the episodes at rows, in their order; one is in memory."""
+    def iter_episodes(
+        self, indices: Iterable[int], series: Sequence[str] | None = None
+    ) -> Iterator[Episode]:
+        """Iterate over the episodes at rows, in their order; one is in memory.
+
+        Only the time series at the paths ``series`` are needed; None for all.
+        """
 
     def column(self, name: str) -> NDArray[Any]:
         """Return a column of all rows, (N, ...)."""
@@ -116,14 +121,20 @@ class Selection:
         store, row = self.origin(place)
         return self.sources[store][row]
 
-    def each(self, places: Sequence[int]) -> Iterator[tuple[int, Episode]]:
+    def each(
+        self, places: Sequence[int], series: Sequence[str] | None = None
+    ) -> Iterator[tuple[int, Episode]]:
         """Yield numbers of episodes and the episodes, in this order; one is in memory.
+
+        Args:
+            places: the numbers.
+            series: paths of the time series that are needed; None for all.
 
         Raises:
             StoreError: if one is damaged.
         """
         for source, run in self._runs(places):
-            yield from zip(run.tolist(), source.iter_episodes(self.row[run]), strict=True)
+            yield from zip(run.tolist(), source.iter_episodes(self.row[run], series), strict=True)
 
     def _runs(self, places: Sequence[int]) -> Iterator[tuple[EpisodeSource, NDArray[np.int64]]]:
         """Yield numbers of episodes as runs of the same store, each with this store."""

@@ -214,6 +214,7 @@ VGN = Exporter(
     ),
     excludes=excludes,
     write_part=write_part,
+    series=("streams/gripper_width",),
     finish=finish,
     parameters=VgnSettings,
 )

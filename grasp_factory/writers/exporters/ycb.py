@@ -176,6 +176,7 @@ YCB = Exporter(
     excludes=excludes,
     prepare=prepare,
     write_part=write_part,
+    series=("streams/object_pose",),
     finish=finish,
     libraries=("scipy",),
     extra="ycb",
