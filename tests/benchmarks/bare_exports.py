@@ -16,7 +16,8 @@ import h5py
 import numcodecs
 import numpy as np
 import zarr
-from benchmarks.bare_rosbag import rosbag2
+from benchmarks.bare_grasps import LEVEL, cornell, gqcnn, jacquard, vgn
+from benchmarks.bare_rosbag import rosbag1, rosbag2
 from numpy.typing import NDArray
 
 from grasp_factory.core.enums import Label
@@ -24,7 +25,6 @@ from grasp_factory.core.episode import CameraFrames, Episode
 from grasp_factory.core.geometry import inverse, pose_matrices
 from grasp_factory.core.triangle_mesh import TriangleMesh
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.writers.exporters.images import PNG_LEVEL
 from grasp_factory.writers.exporters.mesh_files import (
     obj_file_text,
     ply_text,
@@ -33,8 +33,6 @@ from grasp_factory.writers.exporters.mesh_files import (
 )
 from grasp_factory.writers.exporters.steps import observations, steps_of
 from grasp_factory.writers.exporters.ycb import POINTS
-
-LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL]
 
 
 def article(dataset: Dataset, out: Path) -> None:
@@ -276,10 +274,15 @@ BARE: Mapping[str, Callable[[Dataset, Path], None]] = {
     "robomimic": robomimic,
     "bop": bop,
     "coco": coco,
+    "cornell": cornell,
+    "gqcnn": gqcnn,
+    "jacquard": jacquard,
     "lerobot": lerobot,
+    "rosbag1": rosbag1,
     "rosbag2": rosbag2,
     "sequences": sequences,
     "tfrecord": tfrecord,
+    "vgn": vgn,
     "webdataset": webdataset,
     "ycb": ycb,
 }

@@ -91,7 +91,7 @@ def unlink(array: Path, blocks: range) -> None:
 def forget(path: Path) -> None:
     """Drop the packed segments from the page cache."""
     for segment in segments(place_of(path)):
-        with segment.file.open("rb") as file:
+        with Path(str(segment.file)).open("rb") as file:
             os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
