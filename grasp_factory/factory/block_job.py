@@ -64,7 +64,8 @@ def block_range(block: int, block_size: int, length: int) -> range:
 def shard_rows(request: Request) -> NDArray[np.int64]:
     """Return the rows of a request's part of its store, ascending."""
     rows = np.arange(request.n)
-    return np.asarray(rows[request.shard.has(rows // request.config.block_size)])
+    size = request.shard.together or request.config.block_size
+    return np.asarray(rows[request.shard.has(rows // size)])
 
 
 def summary_of(row: Episode | Quarantined, index: int) -> Made:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp_factory.core.platforms import ACCEPT, difference, fingerprint_of
+from grasp_factory.core.config.factory_config import FactoryConfig
+from grasp_factory.core.platforms import ACCEPT, Fingerprint, difference, fingerprint_of
 from grasp_factory.core.real_columns import Source
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import GraspFactoryWarning, StoreMismatchError
@@ -42,14 +43,30 @@ def check_platform(request: Request) -> None:
     found = difference(known, fingerprint(request.config))
     if not found:
         return
-    if known is None:
-        begun = f"{path} cannot be compared with this platform, because {found}"
-    else:
-        begun = f"{path} was begun on another platform: {found}, so bytes of new episodes differ"
+    begun = _begun(path, known, found)
     if not request.accept_other_platform:
         raise StoreMismatchError(f"{begun}; go on where it was begun, or add {ACCEPT}")
     tell = "new rows say so in episodes/fingerprint"
     warnings.warn(begun if known is None else f"{begun}; {tell}", GraspFactoryWarning, stacklevel=3)
+
+
+def check_same_platform(store: Dataset, config: FactoryConfig) -> None:
+    """Check that this platform makes the same bytes as the one that began a store.
+
+    Raises:
+        StoreMismatchError: if it does not, or that cannot be known.
+    """
+    known = fingerprint_of(store.attributes)
+    found = difference(known, fingerprint(config))
+    if found:
+        begun = _begun(store.paths[0], known, found)
+        raise StoreMismatchError(f"{begun}; make another store, with another --seed, and read both")
+
+
+def _begun(store: Path, known: Fingerprint | None, found: str) -> str:
+    if known is None:
+        return f"{store} cannot be compared with this platform, because {found}"
+    return f"{store} was begun on another platform: {found}, so bytes of new episodes differ"
 
 
 def rows_to_make(request: Request) -> NDArray[np.int64]:

@@ -65,6 +65,8 @@ class Shard:
     index: int
     """0 to ``count``; 0 and ``count`` are the same part: job arrays may count from 0 or from 1."""
     count: int
+    together: int = 0
+    """Rows of a block of this part, if they will be joined to larger ones; 0 for the store's."""
 
     def __post_init__(self) -> None:
         ok = is_integer(self.count) and 1 <= self.count <= MAX_SHARDS

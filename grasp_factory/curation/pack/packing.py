@@ -79,8 +79,29 @@ def pack_store(
             taken.
         StoreError: if the store is damaged, or the disk fails.
     """
-    place = StagedStore(out, _SUFFIX)
     source = PackSource(store_path(store))
+    source.check_rows(None)
+    return _pack(source, out, block_size, on_start, on_row)
+
+
+def pack_part(store: Path, out: Path, block_size: int) -> Packed:
+    """Copy a store of which others make a part, as ``pack_store`` does.
+
+    Of the rows of a new block all or none may be missing; the block is then missing, too.
+    """
+    source = PackSource(store)
+    source.check_rows(block_size)
+    return _pack(source, out, block_size, lambda rows: None, lambda: None)
+
+
+def _pack(
+    source: PackSource,
+    out: Path | str,
+    block_size: int,
+    on_start: Callable[[int], None],
+    on_row: Callable[[], None],
+) -> Packed:
+    place = StagedStore(out, _SUFFIX)
     place.check_apart([source.store.place])
     config = _config(source, block_size)
     check_annotations([source.store])
@@ -101,7 +122,7 @@ def pack_store(
             for _ in joiner.rows(block):
                 on_row()
         if not source.is_as_opened():
-            raise StoreError(f"{store} has changed meanwhile: run the command again")
+            raise StoreError(f"{source.store.path} has changed meanwhile: run the command again")
         if not is_same_content(aside, source.store.status, source.checksums):
             raise StoreError(f"{out}: read back after writing, rows differ; nothing is published")
         _add_beside_rows(source, aside, plan, labels)

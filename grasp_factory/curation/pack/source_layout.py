@@ -21,6 +21,7 @@ from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.field_arrays import open_arrays
 from grasp_factory.writers.zarr.header import open_store
 from grasp_factory.writers.zarr.layout import documents
+from grasp_factory.writers.zarr.writer import MISSING
 
 _LAYOUT = ("shape", "data_type", "chunk_grid", "chunk_key_encoding", "fill_value", "codecs")
 
@@ -42,26 +43,37 @@ class PackSource:
         """Open the store at ``path``.
 
         Raises:
-            StoreMismatchError: if there is no store, another program has rewritten an array of it,
-                or rows are missing.
+            StoreMismatchError: if there is no store, or another program has rewritten an array.
             StoreError: if it is damaged.
         """
         self.store = SourceStore(path)
         self.place, self.config = place_of(path), self.store.config
         self.fields: Mapping[str, Field] = self.store.reader.fields
         self.length = len(self.store)
-        missing = int((self.store.status == 0).sum())
-        if missing or not self.length:
-            raise StoreMismatchError(
-                f"{missing} of {self.length} rows of {path} are missing: complete it with"
-                " `grasp-factory generate`, or copy what is there with `grasp-factory split`"
-            )
         root, _ = open_store(path, mode="r")
         self.arrays: dict[str, StoredArray] = open_arrays(
             root, self.config, self.fields, set(self.fields)
         )
         self._check_layout(path)
         self.checksums: NDArray[Any] = self.store.checksums()
+
+    def check_rows(self, together: int | None) -> None:
+        """Check that no row is missing; or, of each ``together`` rows, that all are or none is.
+
+        Raises:
+            StoreMismatchError: if more are missing, or there is no row at all.
+        """
+        is_missing = self.store.status == MISSING
+        if together:
+            block = np.arange(self.length) // together
+            there = np.bincount(block, ~is_missing)
+            is_missing &= there[block] > 0
+        missing = int(is_missing.sum())
+        if missing or not self.length:
+            raise StoreMismatchError(
+                f"{missing} of {self.length} rows of {self.store.path} are missing: complete it"
+                " with `grasp-factory generate`, or copy what is there with `grasp-factory split`"
+            )
 
     def is_as_opened(self) -> bool:
         """Return whether the rows are still those that were there when it was opened."""

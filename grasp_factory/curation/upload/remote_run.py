@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grasp_factory.core.cache import cache_dir, digest
 from grasp_factory.core.config.config_difference import first_difference
@@ -18,20 +19,24 @@ from grasp_factory.core.object_storage.objects import Objects
 from grasp_factory.core.object_storage.put_once import check_puts_once, put_once
 from grasp_factory.core.place import place_at
 from grasp_factory.core.serialization import to_plain
-from grasp_factory.curation.pack import Packed, pack_store
+from grasp_factory.curation.pack import Packed, pack_part, pack_store
 from grasp_factory.curation.upload.uploading import upload
 from grasp_factory.curation.versions.origin import SUFFIX
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.snapshots.version import rows_sha256
 from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import ConfigError, StoreMismatchError, UsageError
+from grasp_factory.factory.block_job import shard_rows
+from grasp_factory.factory.platform_check import check_same_platform
 from grasp_factory.factory.run_records import Summary
-from grasp_factory.factory.run_request import Request
+from grasp_factory.factory.run_request import Request, Shard
 from grasp_factory.writers.zarr.budgets import check_block_size
 from grasp_factory.writers.zarr.writer import MISSING, QUARANTINED
 
 LARGEST = 512
 """Most episodes of a block in object storage, where each object costs a request."""
+BLOCKS_OF_A_PART = 4
+"""Least blocks of each part of a store, so that none has a quarter more than another."""
 MADE_BY = 8
 """Episodes of a block while it is made, if that divides the store's own size."""
 FOLDER = "uploads"
@@ -47,7 +52,8 @@ def generate_there(
     """Make the store of a request in object storage, at its ``out``.
 
     Its blocks are made in the cache of this machine, joined to blocks of up to ``LARGEST``
-    episodes, and sent. The same call goes on where one before has ended.
+    episodes, and sent. The same call goes on where one before has ended. Each part of a store
+    (``request.shard``) may be made on another machine: it has every ``count``-th of these blocks.
 
     Args:
         request: the request.
@@ -55,29 +61,27 @@ def generate_there(
         on_send: called with the number of episodes before they are sent.
 
     Raises:
-        UsageError: for a part of a store, for a server that ignores put-if-absent, or if another
-            store is there.
+        UsageError: for a server that ignores put-if-absent, or if another store is there, also one
+            that another platform has begun.
         StorageError: if the server does not answer; what is made stays in the cache.
     """
     address = _address(request.out)
-    if request.shard.count > 1:
-        raise UsageError(
-            f"shard {request.shard}: {address} is no disk that machines share, valid: a store for"
-            " each machine, with its own --seed; readers take several stores"
-        )
-    done = _finished(request, address)
-    if done is not None:
-        return done
+    there = _there(request, address)
+    if there is not None:
+        if not (there.status[_rows(request, there.config.block_size)] == MISSING).any():
+            return _finished(request, there)
+        check_same_platform(there, request.config)
     check_puts_once(Objects(address))
-    scratch, size = _scratch(address), request.config.block_size
+    scratch, size = _scratch(address, str(request.shard)), request.config.block_size
     scratch.mkdir(parents=True, exist_ok=True)
     config = replace(request.config, block_size=size if size % MADE_BY else MADE_BY)
-    summary = make(replace(request, out=scratch / _MADE, config=config))
+    larger = there.config.block_size if there else _largest(config, request)
+    part = replace(request, out=scratch / _MADE, config=config, shard=_joined(request, larger))
+    summary = make(part)
     if summary.failed:
         return summary
-    on_send(request.n)
+    on_send(summary.asked)
     made = scratch / _MADE
-    larger = _largest(config)
     if larger > config.block_size:
         made = _packed(made, scratch, larger)
     upload(made, address)
@@ -126,14 +130,28 @@ def _address(out: Path) -> RemotePath:
     return out
 
 
-def _scratch(address: RemotePath) -> Path:
-    return cache_dir() / FOLDER / digest(f"{endpoint(address)} {address}".encode())
+def _scratch(address: RemotePath, part: str = "") -> Path:
+    return cache_dir() / FOLDER / digest(f"{endpoint(address)} {address} {part}".encode())
 
 
-def _largest(config: FactoryConfig) -> int:
-    """Return the largest size of blocks, up to ``LARGEST``, that readers accept."""
-    size = config.block_size
-    while size * 2 <= LARGEST:
+def _joined(request: Request, block_size: int) -> Shard:
+    """Return a request's part, whose blocks will be joined to those of a size."""
+    return replace(request.shard, together=block_size if request.shard.count > 1 else 0)
+
+
+def _rows(request: Request, block_size: int) -> NDArray[np.int64]:
+    """Return the rows of a request's part, in a store with blocks of a size."""
+    return shard_rows(replace(request, shard=_joined(request, block_size)))
+
+
+def _largest(config: FactoryConfig, request: Request) -> int:
+    """Return the largest size of blocks, up to ``LARGEST``, that readers accept.
+
+    With several parts, there must be blocks enough for parts of nearly the same size.
+    """
+    size, parts = config.block_size, request.shard.count
+    most = request.n // (BLOCKS_OF_A_PART * parts) if parts > 1 else LARGEST
+    while size * 2 <= min(LARGEST, most):
         try:
             check_block_size(replace(config, block_size=size * 2))
         except ConfigError:
@@ -145,7 +163,7 @@ def _largest(config: FactoryConfig) -> int:
 def _packed(made: Path, scratch: Path, block_size: int) -> Path:
     packed = scratch / _PACKED
     if not _is_packed(made, packed, block_size):
-        pack_store(made, packed, block_size)
+        pack_part(made, packed, block_size)
     return packed
 
 
@@ -161,8 +179,8 @@ def _is_packed(made: Path, packed: Path, block_size: int) -> bool:
     return is_same
 
 
-def _finished(request: Request, address: RemotePath) -> Summary | None:
-    """Return the summary of a store that is there as a whole; None if nothing, or a part, is there.
+def _there(request: Request, address: RemotePath) -> Dataset | None:
+    """Return the store of a request that is there, whole or in part; None if none is.
 
     Raises:
         StoreMismatchError: if another store is there, or one of another length.
@@ -183,18 +201,21 @@ def _finished(request: Request, address: RemotePath) -> Summary | None:
             f"{address} has {len(there)} episodes, asked for {request.n}: a store in object storage"
             " does not grow; make another one with another --seed, and read both"
         )
-    status = there.status
-    if (status == MISSING).any():
-        return None
-    rows = np.flatnonzero(status == QUARANTINED)
+    return there
+
+
+def _finished(request: Request, there: Dataset) -> Summary:
+    """Return the summary of a part that is there as a whole."""
+    part = _rows(request, there.config.block_size)
+    rows = part[there.status[part] == QUARANTINED]
     errors = there.column("error")
     return Summary(
-        asked=len(there),
+        asked=len(part),
         made=0,
-        already_there=len(there),
+        already_there=len(part),
         seconds=0.0,
         episodes_per_second=None,
         quarantined={int(row): str(errors[row]) for row in rows},
-        failed=len(rows) > request.max_failures * len(there),
+        failed=len(rows) > request.max_failures * len(part),
         store=summarise(there),
     )

@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from grasp_factory.core import schema
-from grasp_factory.core.limits import OBJECT
+from grasp_factory.core.json_text import parsed
+from grasp_factory.core.limits import DOCUMENT, OBJECT
 from grasp_factory.core.object_storage.address import RemotePath
 from grasp_factory.core.object_storage.objects import Objects
 from grasp_factory.core.object_storage.put_once import check_puts_once, is_there, put_once
@@ -23,10 +25,13 @@ from grasp_factory.errors import StoreMismatchError
 from grasp_factory.writers.zarr.columns import Columns
 from grasp_factory.writers.zarr.embedded import DESCRIPTIONS
 from grasp_factory.writers.zarr.layout import block_number
+from grasp_factory.writers.zarr.metadata_checksum import SEAL
 
 AT_ONCE = 4
 """Objects of a block that are sent at the same time."""
 _ROOT = "zarr.json"
+_OF_A_MACHINE = {"versions", "platform", "created_by", SEAL}
+"""Root attributes that differ between machines that make the same bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,10 +60,12 @@ class _Files:
 def upload(
     store: Path, address: RemotePath, *, on_block: Callable[[int], None] = lambda rows: None
 ) -> Uploaded:
-    """Copy a complete store to an address where nothing is, or a part of the same store.
+    """Copy a store to an address where nothing is, or a part of the same store.
+
+    Blocks that are missing are left to others.
 
     Args:
-        store: path of the store, on this machine.
+        store: path of the store, on this machine; a block is complete, or missing.
         address: where it shall be.
         on_block: called with the number of rows of each block that is there.
 
@@ -71,22 +78,23 @@ def upload(
     columns, objects = Columns.open(store), Objects(address)
     files = _files(columns)
     check_puts_once(objects)
+    *arrays, root = files.arrays
     try:
-        _send(objects, files.arrays)
+        _send(objects, arrays)
+        _send_root(objects, root)
     except StoreMismatchError as error:
         what = "another store is there, or one of another length"
         raise StoreMismatchError(f"{error}: {what}; choose another address") from None
     there = {facts.key for facts in objects.below(schema.STATUS.path)}
     before = 0
-    for block, places in files.blocks.items():
+    blocks = {block: places for block, places in files.blocks.items() if places}
+    for block, places in blocks.items():
         if _send_block(objects, block, places, is_marked=places[-1].inner in there):
             before += 1
         start, stop = columns.rows(block)
         on_block(stop - start)
     _send(objects, files.beside)
-    return Uploaded(
-        path=str(address), rows=columns.length, blocks=len(files.blocks), there_before=before
-    )
+    return Uploaded(path=str(address), rows=columns.length, blocks=len(blocks), there_before=before)
 
 
 def _files(columns: Columns) -> _Files:
@@ -146,6 +154,29 @@ def _is_same(objects: Objects, file: Place) -> bool:
 def _send(objects: Objects, files: Iterable[Place]) -> None:
     for file in files:
         _put(objects, file)
+
+
+def _send_root(objects: Objects, file: Place) -> None:
+    """Send the root's metadata, unless another machine has, which makes the same bytes.
+
+    Raises:
+        StoreMismatchError: if what is there says more than that another machine has made it.
+    """
+    try:
+        _put(objects, file)
+    except StoreMismatchError:
+        there = objects.get(file.inner, DOCUMENT)
+        if _of_every_machine(there) != _of_every_machine(file.read_bytes(DOCUMENT)):
+            raise
+
+
+def _of_every_machine(document: bytes) -> Any:
+    """Return the root's metadata without what names the machine and the versions that began it."""
+    found = parsed(document)
+    known = found.get("attributes") if isinstance(found, dict) else None
+    if not isinstance(known, dict):
+        return found
+    return found | {"attributes": {key: v for key, v in known.items() if key not in _OF_A_MACHINE}}
 
 
 def _put(objects: Objects, file: Place) -> None:

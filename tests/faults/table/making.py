@@ -8,7 +8,7 @@ FAULTS = (
     Fault(
         "shards-share-blocks",
         "factory/block_job.py",
-        "request.shard.has(rows // request.config.block_size)",
+        "request.shard.has(rows // size)",
         "request.shard.has(rows)",
         ("factory/test_shards.py",),
     ),

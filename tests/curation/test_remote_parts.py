@@ -1,0 +1,148 @@
+"""Parts of a store in object storage, made by machines that share nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.fake_episodes import make_episode, small_config
+from support.object_server import ObjectServer
+
+from grasp_factory.core.cache import VARIABLE
+from grasp_factory.core.object_storage import put_once as putting
+from grasp_factory.core.object_storage.address import store_path
+from grasp_factory.core.object_storage.put_once import PROBE
+from grasp_factory.curation.upload import generate_there, remote_run
+from grasp_factory.dataset.dataset import Dataset
+from grasp_factory.errors import AccessRefusedError, StoreMismatchError
+from grasp_factory.factory import block_maker
+from grasp_factory.factory.generate import generate
+from grasp_factory.factory.run_records import Summary
+from grasp_factory.factory.run_request import Request, Shard
+from grasp_factory.writers.zarr import header
+
+pytest.importorskip("obstore")
+
+CONFIG = small_config(block_size=8)
+N = 40
+"""With two parts, blocks of 8 are joined to blocks of 16; the last has a half."""
+NAME = "data/parts.zarr"
+ADDRESS = f"s3://bucket/{NAME}"
+
+
+def pretend(world: Any, spec: Any) -> Any:
+    """Return an episode that follows from its recipe, without physics."""
+    return dataclasses.replace(make_episode(CONFIG, spec.index), spec=spec)
+
+
+@pytest.fixture(autouse=True)
+def fake(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(block_maker, "run_episode", pretend)
+    monkeypatch.setattr(remote_run, "BLOCKS_OF_A_PART", 1)
+
+
+@pytest.fixture
+def server(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[ObjectServer]:
+    found = ObjectServer()
+    found.set_environment(monkeypatch)
+    monkeypatch.setattr(putting, "FIRST_PAUSE_S", 0.001)
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    yield found
+    found.close()
+
+
+def make(request: Request) -> Summary:
+    return generate(request.config, request.n, request.out, workers=1, shard=request.shard)
+
+
+def request_of(shard: Shard) -> Request:
+    return Request(config=CONFIG, n=N, out=store_path(ADDRESS), shard=shard)
+
+
+def make_part(shard: Shard) -> Summary:
+    """Make a part of the store as a machine would that has nothing of the others."""
+    return generate_there(request_of(shard), make)
+
+
+def objects_of(folder: Path) -> dict[str, bytes]:
+    files = (file for file in folder.rglob("*") if file.is_file())
+    named = {f"{NAME}/{file.relative_to(folder)}": file.read_bytes() for file in files}
+    return named | {f"{NAME}/{PROBE}": b"1"}
+
+
+def rows_there() -> list[int]:
+    return Dataset(ADDRESS).committed.tolist()
+
+
+def test_all_parts_are_the_store_of_one_run_in_larger_blocks(
+    server: ObjectServer, tmp_path: Path
+) -> None:
+    assert make_part(Shard(2, 2)).asked == 24
+    assert rows_there() == [*range(16), *range(32, 40)]
+    assert make_part(Shard(1, 2)).made == 16
+    generate(dataclasses.replace(CONFIG, block_size=16), N, tmp_path / "direct.zarr", workers=1)
+    assert server.objects == objects_of(tmp_path / "direct.zarr")
+    assert not list((tmp_path / "cache" / "uploads").iterdir())
+
+
+def test_a_part_that_is_there_is_not_made_again(server: ObjectServer) -> None:
+    make_part(Shard(1, 2))
+    again = generate_there(request_of(Shard(1, 2)), never)
+    assert (again.asked, again.made, again.already_there) == (16, 0, 16)
+    assert again.store.path == ADDRESS
+
+
+def test_a_part_has_blocks_of_the_size_that_is_there(server: ObjectServer) -> None:
+    make_part(Shard(1, 2))
+    make_part(Shard(0, 5))  # by itself it would have blocks of 8
+    assert rows_there() == list(range(32))
+
+
+def test_a_part_that_was_killed_while_it_was_sent_goes_on(server: ObjectServer) -> None:
+    make_part(Shard(0, 2))
+    puts = 0
+
+    def fault(method: str, key: str) -> str:
+        nonlocal puts
+        puts += method == "PUT"
+        return "403 Dead" if puts > 120 else ""
+
+    with server.faulty(fault), pytest.raises(AccessRefusedError):
+        make_part(Shard(1, 2))
+    assert rows_there() == [*range(16), *range(32, 40)]
+    assert make_part(Shard(1, 2)).made == 0
+    assert rows_there() == list(range(N))
+
+
+def test_more_parts_than_blocks_leave_some_with_nothing_to_do(server: ObjectServer) -> None:
+    made = [make_part(Shard(k, 6)) for k in (4, 5)]
+    assert [each.asked for each in made] == [8, 0]
+    assert rows_there() == list(range(32, 40))
+
+
+def test_a_machine_with_another_processor_that_makes_the_same_bytes_takes_part(
+    server: ObjectServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_part(Shard(0, 2))
+    begun = Dataset(ADDRESS).attributes
+    monkeypatch.setattr(header, "platform_facts", lambda: {"cpu": "another"})
+    make_part(Shard(1, 2))
+    assert rows_there() == list(range(N))
+    assert Dataset(ADDRESS).attributes == begun
+
+
+def test_a_machine_that_makes_other_bytes_is_refused_before_it_begins(
+    server: ObjectServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_part(Shard(0, 2))
+    root, libm = f"{NAME}/zarr.json", Dataset(ADDRESS).attributes["fingerprint"]["libm"]
+    server.objects[root] = server.objects[root].replace(libm.encode(), b"00000000")
+    with pytest.raises(StoreMismatchError, match=r"was begun on another platform.*read both"):
+        generate_there(request_of(Shard(1, 2)), never)
+
+
+def never(request: Request) -> Summary:
+    raise AssertionError
