@@ -92,9 +92,11 @@ def generate(
         view = live_view(live_port, quiet=quiet) if live else None
         if is_remote(request.out):
             from grasp_factory.curation.upload import generate_there
+            from grasp_factory.factory.platform_check import check_same_platform
 
             run = partial(make, progress=progress, view=view)
-            summary = generate_there(request, run, partial(_sending, request.out, quiet))
+            tell = partial(_sending, request.out, quiet)
+            summary = generate_there(request, run, check_same_platform, tell)
         else:
             summary = make(request, progress, view)
     except KeyboardInterrupt as why:

@@ -20,6 +20,7 @@ from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import AccessRefusedError, StoreMismatchError
 from grasp_factory.factory import block_maker
 from grasp_factory.factory.generate import generate
+from grasp_factory.factory.platform_check import check_same_platform
 from grasp_factory.factory.run_records import Summary
 from grasp_factory.factory.run_request import Request, Shard
 from grasp_factory.writers.zarr import header
@@ -64,7 +65,7 @@ def request_of(shard: Shard) -> Request:
 
 def make_part(shard: Shard) -> Summary:
     """Make a part of the store as a machine would that has nothing of the others."""
-    return generate_there(request_of(shard), make)
+    return generate_there(request_of(shard), make, check_same_platform)
 
 
 def objects_of(folder: Path) -> dict[str, bytes]:
@@ -90,7 +91,7 @@ def test_all_parts_are_the_store_of_one_run_in_larger_blocks(
 
 def test_a_part_that_is_there_is_not_made_again(server: ObjectServer) -> None:
     make_part(Shard(1, 2))
-    again = generate_there(request_of(Shard(1, 2)), never)
+    again = generate_there(request_of(Shard(1, 2)), never, check_same_platform)
     assert (again.asked, again.made, again.already_there) == (16, 0, 16)
     assert again.store.path == ADDRESS
 
@@ -141,7 +142,7 @@ def test_a_machine_that_makes_other_bytes_is_refused_before_it_begins(
     root, libm = f"{NAME}/zarr.json", Dataset(ADDRESS).attributes["fingerprint"]["libm"]
     server.objects[root] = server.objects[root].replace(libm.encode(), b"00000000")
     with pytest.raises(StoreMismatchError, match=r"was begun on another platform.*read both"):
-        generate_there(request_of(Shard(1, 2)), never)
+        generate_there(request_of(Shard(1, 2)), never, check_same_platform)
 
 
 def never(request: Request) -> Summary:

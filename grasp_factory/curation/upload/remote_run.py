@@ -27,7 +27,6 @@ from grasp_factory.dataset.snapshots.version import rows_sha256
 from grasp_factory.dataset.summary import summarise
 from grasp_factory.errors import ConfigError, StoreMismatchError, UsageError
 from grasp_factory.factory.block_job import shard_rows
-from grasp_factory.factory.platform_check import check_same_platform
 from grasp_factory.factory.run_records import Summary
 from grasp_factory.factory.run_request import Request, Shard
 from grasp_factory.writers.zarr.budgets import check_block_size
@@ -47,6 +46,7 @@ _MADE, _PACKED = "made.zarr", "packed.zarr"
 def generate_there(
     request: Request,
     make: Callable[[Request], Summary],
+    check_platform: Callable[[Dataset, FactoryConfig], None],
     on_send: Callable[[int], None] = lambda rows: None,
 ) -> Summary:
     """Make the store of a request in object storage, at its ``out``.
@@ -58,6 +58,7 @@ def generate_there(
     Args:
         request: the request.
         make: makes the store of a request on this machine.
+        check_platform: raises for a store that another platform has begun: see ``platform_check``.
         on_send: called with the number of episodes before they are sent.
 
     Raises:
@@ -70,7 +71,7 @@ def generate_there(
     if there is not None:
         if not (there.status[_rows(request, there.config.block_size)] == MISSING).any():
             return _finished(request, there)
-        check_same_platform(there, request.config)
+        check_platform(there, request.config)
     check_puts_once(Objects(address))
     scratch, size = _scratch(address, str(request.shard)), request.config.block_size
     scratch.mkdir(parents=True, exist_ok=True)
