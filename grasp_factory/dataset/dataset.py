@@ -133,7 +133,7 @@ class Dataset(AnnotatedEpisodes):
         return self._episodes.of_blocks(self._rows.rows_at(self.committed))
 
     def iter_episodes(
-        self, indices: Iterable[int], series: Sequence[str] | None = None
+        self, indices: Iterable[int], series: Iterable[str] | None = None
     ) -> Iterator[Episode]:
         """Iterate over episodes in the order of their indices.
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -67,15 +68,25 @@ class Episodes:
         return [found[row] for row in rows.tolist()]
 
     def of_blocks(
-        self, rows: NDArray[np.int64], series: Sequence[str] | None = None
+        self, rows: NDArray[np.int64], series: Iterable[str] | None = None
     ) -> Iterator[Episode]:
-        """Yield the episode of each of K rows of any blocks, in their order; see ``each``."""
+        """Return the episode of each of K rows of any blocks, in their order; see ``each``.
+
+        Args:
+            rows: the rows, (K,).
+            series: see ``Dataset.iter_episodes``.
+
+        Raises:
+            UnknownNameError: for a time series that does not exist.
+            StoreError: if the store lacks one, or while reading, if an episode is damaged.
+        """
+        fields = self._fields if series is None else self._with_series(map(str, series))
         changes = np.flatnonzero(np.diff(rows // self._config.block_size)) + 1
-        for block in np.split(rows, changes):
-            yield from self.each(block, series)
+        blocks = np.split(rows, changes)
+        return chain.from_iterable(self.each(block, fields) for block in blocks)
 
     def each(
-        self, rows: NDArray[np.int64], series: Sequence[str] | None = None
+        self, rows: NDArray[np.int64], fields: Mapping[str, Field] | None = None
     ) -> Iterator[Episode]:
         """Yield the episode of each of K rows of a block, in their order.
 
@@ -84,11 +95,10 @@ class Episodes:
 
         Args:
             rows: the rows, (K,).
-            series: see ``Dataset.iter_episodes``.
+            fields: what is read of them; None for everything.
 
         Raises:
-            UnknownNameError: for a time series that does not exist.
-            StoreError: if an episode is damaged.
+            StoreError: if one is damaged.
         """
         wanted = np.unique(rows)
         if not len(wanted):
@@ -97,7 +107,7 @@ class Episodes:
         is_other = self._read(schema.STATUS.path, start, stop) == COMMITTED
         is_other[wanted - start] = False
         run_of = np.cumsum(is_other)[wanted - start]
-        fields = self._with_series(series)
+        fields = self._fields if fields is None else fields
         large = self._large_images(fields)
         others = {path: field for path, field in fields.items() if path not in large}
         read: dict[int, Row] = {}
@@ -107,12 +117,17 @@ class Episodes:
         for row in rows.tolist():
             yield self._episode(row, read[row] | read_alone(self._read, large, row, read[row]))
 
-    def _with_series(self, series: Sequence[str] | None) -> Mapping[str, Field]:
+    def _with_series(self, names: Iterable[str]) -> Mapping[str, Field]:
         """Return the fields without time series that are not wanted; each group has its times."""
-        if series is None or self._noise.noise != named_noise(None):
+        of_config = {field.path: field for field in schema.expand(self._config)}
+        fields = of_config | dict(self._fields)
+        every = {path: field for path, field in fields.items() if field.length_column}
+        wanted = {name: lookup(every, "time series", name) for name in names}
+        for name in wanted.keys() - self._fields.keys():
+            what = f"{name} is missing; run grasp-factory verify on the store"
+            raise StoreError(f"{self._store} is damaged: {what}")
+        if self._noise.noise != named_noise(None):
             return self._fields
-        every = {path: field for path, field in self._fields.items() if field.length_column}
-        wanted = {path: lookup(every, "time series", path) for path in series}
         wanted |= {path: field for path, field in every.items() if path.endswith("/timestamp")}
         return {p: f for p, f in self._fields.items() if p not in every or p in wanted}
 

@@ -226,9 +226,10 @@ if __name__ == "__main__":
 """
 
 
-def test_a_script_from_a_pipe_can_start_workers() -> None:
+@pytest.mark.parametrize("name", ["-", "/dev/stdin"])
+def test_a_script_from_a_pipe_can_start_workers(name: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-"], input=SQUARES, capture_output=True, text=True, check=False,
+        [sys.executable, name], input=SQUARES, capture_output=True, text=True, check=False,
         env=os.environ | {"PYTHONPATH": f"{ROOT}:{TESTS}"},
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -251,8 +251,20 @@ class TestBlocksOfSomeRows:
             np.testing.assert_array_equal(episode.streams["tcp_pose"], whole.streams["tcp_pose"])
             assert (episode.n_steps, episode.n_imu) == (whole.n_steps, whole.n_imu)
             assert episode.columns.keys() == whole.columns.keys()
-        with pytest.raises(UnknownNameError, match=r"unknown time series 'tcp_pose'.*did you mean"):
-            list(dataset.iter_episodes([0], ["tcp_pose"]))
+
+    @pytest.mark.parametrize("noise", [None, "stereo"])
+    @pytest.mark.parametrize("name", ["tcp_pose", "episodes/seed", 3])
+    def test_refuse_an_unknown_time_series_before_anything_is_read(
+        self, name: Any, noise: str | None
+    ) -> None:
+        with pytest.raises(UnknownNameError, match=f"unknown time series '{name}'"):
+            Dataset(TINY, noise=noise).iter_episodes([], iter([name]))
+
+    def test_name_a_time_series_that_the_store_lacks(self, path: Path, tmp_path: Path) -> None:
+        copy = Path(shutil.copytree(path, tmp_path / "copy"))
+        shutil.rmtree(copy / "streams/tcp_pose")
+        with pytest.raises(StoreError, match="is damaged: streams/tcp_pose is missing"):
+            Dataset(copy).iter_episodes([0], ["streams/tcp_pose"])
 
     def test_with_noise_have_all_time_series(self) -> None:
         dataset = Dataset(TINY, noise="stereo")

@@ -85,7 +85,7 @@ def without_lost_script() -> Iterator[None]:
     """
     main = sys.modules["__main__"]
     name = getattr(main, "__file__", None)
-    if name is None or Path(name).exists():
+    if name is None or Path(name).is_file():
         yield
         return
     del main.__file__
