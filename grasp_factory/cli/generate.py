@@ -24,7 +24,13 @@ from grasp_factory.cli.request import request_from
 from grasp_factory.core.object_storage.address import is_remote
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.text_format import count
-from grasp_factory.errors import EXIT_INTERRUPTED, EXIT_TERMINATED, FailuresError, Terminated
+from grasp_factory.errors import (
+    EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
+    FailuresError,
+    Terminated,
+    UsageError,
+)
 from grasp_factory.factory.run_request import Request
 
 _output = partial(option, heading="Output")
@@ -75,6 +81,11 @@ def generate(
         say(request.to_yaml(), end="")
         return
     if dry_run:
+        if is_remote(request.out):
+            raise UsageError(
+                f"--dry-run: {request.out} is in object storage, valid: a path on a disk; the"
+                " episodes take as long there"
+            )
         from grasp_factory.cli.run_progress import forecast
         from grasp_factory.cli.run_report import forecast_text
 
@@ -122,5 +133,9 @@ def _sending(out: Path, quiet: bool, episodes: int) -> None:
 def _stopped(request: Request, made: Collection[int], why: KeyboardInterrupt) -> NoReturn:
     from grasp_factory.cli.run_progress import stopped_text
 
-    say(stopped_text(request.out, made), err=True)
+    if is_remote(request.out):
+        rest = "what is made is in the cache of this machine; run the same command again"
+        say(f"Stopped: {rest} to continue.", err=True)
+    else:
+        say(stopped_text(request.out, made), err=True)
     sys.exit(EXIT_TERMINATED if isinstance(why, Terminated) else EXIT_INTERRUPTED)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,18 @@ def request_of(shard: Shard) -> Request:
     return Request(config=CONFIG, n=N, out=store_path(ADDRESS), shard=shard)
 
 
+def dead_after(puts: int) -> Callable[[str, str], str]:
+    """Return a fault: the server refuses all that comes after a number of PUTs."""
+    count = 0
+
+    def fault(method: str, key: str) -> str:
+        nonlocal count
+        count += method == "PUT"
+        return "403 Dead" if count > puts else ""
+
+    return fault
+
+
 def make_part(shard: Shard) -> Summary:
     """Make a part of the store as a machine would that has nothing of the others."""
     return generate_there(request_of(shard), make, check_same_platform)
@@ -104,18 +116,45 @@ def test_a_part_has_blocks_of_the_size_that_is_there(server: ObjectServer) -> No
 
 def test_a_part_that_was_killed_while_it_was_sent_goes_on(server: ObjectServer) -> None:
     make_part(Shard(0, 2))
-    puts = 0
-
-    def fault(method: str, key: str) -> str:
-        nonlocal puts
-        puts += method == "PUT"
-        return "403 Dead" if puts > 120 else ""
-
-    with server.faulty(fault), pytest.raises(AccessRefusedError):
+    with server.faulty(dead_after(120)), pytest.raises(AccessRefusedError):
         make_part(Shard(1, 2))
     assert rows_there() == [*range(16), *range(32, 40)]
     assert make_part(Shard(1, 2)).made == 0
     assert rows_there() == list(range(N))
+
+
+def test_a_part_begins_again_if_others_begin_with_blocks_of_another_size(
+    server: ObjectServer, tmp_path: Path
+) -> None:
+    def make_while_another_begins(request: Request) -> Summary:
+        if not server.objects.keys() - {f"{NAME}/{PROBE}"}:
+            make_part(Shard(1, 2))
+        return make(request)
+
+    found = generate_there(request_of(Shard(4, 5)), make_while_another_begins, check_same_platform)
+    assert (found.asked, rows_there()) == (0, list(range(16, 32)))
+    assert not list((tmp_path / "cache" / "uploads").iterdir())
+
+
+def test_what_was_made_for_another_length_is_not_sent(server: ObjectServer) -> None:
+    longer = dataclasses.replace(request_of(Shard(1, 2)), n=2 * N)
+    with server.faulty(dead_after(2)), pytest.raises(AccessRefusedError):
+        generate_there(longer, make, check_same_platform)
+    make_part(Shard(1, 2))
+    assert len(Dataset(ADDRESS)) == N
+
+
+def test_what_another_machine_has_sent_is_removed_from_the_cache(
+    server: ObjectServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with server.faulty(dead_after(2)), pytest.raises(AccessRefusedError):
+        make_part(Shard(1, 2))
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "other"))
+    make_part(Shard(1, 2))
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    assert list((tmp_path / "cache" / "uploads").iterdir())
+    assert make_part(Shard(1, 2)).made == 0
+    assert not list((tmp_path / "cache" / "uploads").iterdir())
 
 
 def test_more_parts_than_blocks_leave_some_with_nothing_to_do(server: ObjectServer) -> None:

@@ -316,6 +316,7 @@ def test_generate_goes_on_where_a_killed_run_ended_and_then_has_nothing_to_do(
     again = generate_there(request_there, never, any_platform)
     assert (again.made, again.already_there, list(again.quarantined)) == (0, ROWS, [2])
     for change, words in (
+        ({"retry_quarantined": True}, "1 quarantined episode cannot be tried again"),
         ({"n": ROWS + 1}, "does not grow"),
         ({"config": replace(request_there.config, seed=9)}, "another store .seed: 0 against 9."),
     ):

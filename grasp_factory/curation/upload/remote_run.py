@@ -19,6 +19,7 @@ from grasp_factory.core.object_storage.objects import Objects
 from grasp_factory.core.object_storage.put_once import check_puts_once, put_once
 from grasp_factory.core.place import place_at
 from grasp_factory.core.serialization import to_plain
+from grasp_factory.core.text_format import count
 from grasp_factory.curation.pack import Packed, pack_part, pack_store
 from grasp_factory.curation.upload.uploading import upload
 from grasp_factory.curation.versions.origin import SUFFIX
@@ -68,15 +69,17 @@ def generate_there(
     """
     address = _address(request.out)
     there = _there(request, address)
+    size = request.config.block_size
+    config = replace(request.config, block_size=size if size % MADE_BY else MADE_BY)
+    larger = _largest(config, request) if there is None else there.config.block_size
+    scratch = _scratch(address, request.shard, request.n, request.config.sha256(), larger)
     if there is not None:
-        if not (there.status[_rows(request, there.config.block_size)] == MISSING).any():
+        if not (there.status[_rows(request, larger)] == MISSING).any():
+            _remove(scratch)
             return _finished(request, there)
         check_platform(there, request.config)
     check_puts_once(Objects(address))
-    scratch, size = _scratch(address, str(request.shard)), request.config.block_size
     scratch.mkdir(parents=True, exist_ok=True)
-    config = replace(request.config, block_size=size if size % MADE_BY else MADE_BY)
-    larger = there.config.block_size if there else _largest(config, request)
     part = replace(request, out=scratch / _MADE, config=config, shard=_joined(request, larger))
     summary = make(part)
     if summary.failed:
@@ -85,8 +88,15 @@ def generate_there(
     made = scratch / _MADE
     if larger > config.block_size:
         made = _packed(made, scratch, larger)
-    upload(made, address)
-    place_at(scratch).rmtree()
+    try:
+        upload(made, address)
+    except StoreMismatchError:
+        begun = _there(request, address)
+        if begun is None or begun.config.block_size == larger:
+            raise
+        _remove(scratch)  # another machine has begun it meanwhile, in blocks of another size
+        return generate_there(request, make, check_platform, on_send)
+    _remove(scratch)
     return replace(summary, store=summarise(Dataset(address)))
 
 
@@ -114,7 +124,7 @@ def pack_there(
     if origin.is_file():
         put_once(Objects(there.parent), there.name + SUFFIX, origin.read_bytes(DOCUMENT))
     labels = tuple(Dataset(packed).labels)
-    place_at(scratch).rmtree()
+    _remove(scratch)
     return Packed(
         path=str(there),
         rows=sent.rows,
@@ -131,8 +141,18 @@ def _address(out: Path) -> RemotePath:
     return out
 
 
-def _scratch(address: RemotePath, part: str = "") -> Path:
-    return cache_dir() / FOLDER / digest(f"{endpoint(address)} {address} {part}".encode())
+def _scratch(address: RemotePath, *what: object) -> Path:
+    """Return the folder for what is made for an address; what differs has another one."""
+    return (
+        cache_dir()
+        / FOLDER
+        / digest(" ".join(map(str, (endpoint(address), address, *what))).encode())
+    )
+
+
+def _remove(scratch: Path) -> None:
+    if scratch.exists():
+        place_at(scratch).rmtree()
 
 
 def _joined(request: Request, block_size: int) -> Shard:
@@ -206,9 +226,18 @@ def _there(request: Request, address: RemotePath) -> Dataset | None:
 
 
 def _finished(request: Request, there: Dataset) -> Summary:
-    """Return the summary of a part that is there as a whole."""
+    """Return the summary of a part that is there as a whole.
+
+    Raises:
+        UsageError: if some of it shall be tried again.
+    """
     part = _rows(request, there.config.block_size)
     rows = part[there.status[part] == QUARANTINED]
+    if request.retry_quarantined and len(rows):
+        raise UsageError(
+            f"{there.paths[0]}: {count(len(rows), 'quarantined episode')} cannot be tried again: a"
+            " store in object storage does not change; leave out --retry-quarantined"
+        )
     errors = there.column("error")
     return Summary(
         asked=len(part),
