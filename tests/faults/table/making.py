@@ -13,6 +13,13 @@ FAULTS = (
         ("factory/test_shards.py",),
     ),
     Fault(
+        "parts-are-not-joined",
+        "curation/upload/remote_run.py",
+        "together=block_size if request.shard.count > 1 else 0",
+        "together=0",
+        ("curation/test_remote_parts.py",),
+    ),
+    Fault(
         "resume-skips-partial-blocks",
         "factory/generate.py",
         "blocks = np.unique(wanted // size)",

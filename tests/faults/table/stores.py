@@ -6,6 +6,13 @@ from faults.fault import Fault
 
 FAULTS = (
     Fault(
+        "bop-without-the-poses-after",
+        "writers/exporters/bop.py",
+        'series=("streams/object_pose",)',
+        "series=()",
+        ("conformance/test_exporters.py",),
+    ),
+    Fault(
         "committed-before-the-data",
         "writers/zarr/block_attempt.py",
         "            for file in self._files:\n                staged =",
