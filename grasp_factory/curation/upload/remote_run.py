@@ -143,11 +143,8 @@ def _address(out: Path) -> RemotePath:
 
 def _scratch(address: RemotePath, *what: object) -> Path:
     """Return the folder for what is made for an address; what differs has another one."""
-    return (
-        cache_dir()
-        / FOLDER
-        / digest(" ".join(map(str, (endpoint(address), address, *what))).encode())
-    )
+    name = " ".join(map(str, (endpoint(address), address, *what)))
+    return cache_dir() / FOLDER / digest(name.encode())
 
 
 def _remove(scratch: Path) -> None:
