@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from support.devices import (
 
 from grasp_factory.capture.devices import DEVICES
 from grasp_factory.capture.devices.base import DeviceModel, class_at
+from grasp_factory.capture.devices.robotiq_ft300 import STREAM_STARTED
 from grasp_factory.capture.samples import DeviceKind, Sample
 from grasp_factory.capture.simulators.base import SimulatedDevice
 from grasp_factory.capture.simulators.faults import Faults
@@ -211,6 +213,24 @@ class TestLiveDevice:
         simulated = simulator(model, speed=SPEED, faults=faults)
         run = played(model, simulated)
         assert len(run.samples) == len(simulated.track.payloads)
+
+
+def test_a_sensor_that_begins_late_after_its_answer_sends_its_first_sample_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    model = DEVICES["robotiq_ft300"]
+    simulated = simulator(model, speed=SPEED, faults=Faults(batch_s=0.016))
+    line = simulated._line
+    write = line.write
+
+    def write_and_pause(data: bytes, is_left: Callable[[], bool]) -> bool:
+        is_sent: bool = write(data, is_left)
+        if data == STREAM_STARTED:
+            time.sleep(0.2)
+        return is_sent
+
+    monkeypatch.setattr(line, "write", write_and_pause)
+    assert len(played(model, simulated).samples) == len(simulated.track.payloads)
 
 
 def assert_known(run: DeviceRun, simulated: SimulatedDevice[Any]) -> None:

@@ -38,6 +38,9 @@ class SimulatedRobotiqFt300(SimulatedSerialDevice[WrenchReading]):
         """See ``SimulatedDevice.track_of``."""
         return wrench_track(episode, rate_hz or RATE_HZ)
 
+    def play(self) -> None:
+        """See ``SimulatedDevice.play``. It begins when its answer is sent, not before."""
+
     def packet(self, payload: WrenchReading, number: int, device_ns: int) -> bytes:
         """See ``SimulatedSerialDevice.packet``."""
         return CRC.sealed(HEADER + VALUES.pack(*counts(payload.wrench, SCALES, 16)))
@@ -71,5 +74,5 @@ class SimulatedRobotiqFt300(SimulatedSerialDevice[WrenchReading]):
             elif heard.endswith(START_STREAM):
                 self._line.write(STREAM_STARTED, self._leave.is_set)
                 self._is_streaming.set()
-                self.play()
+                super().play()
                 heard = b""
