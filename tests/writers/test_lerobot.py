@@ -403,7 +403,7 @@ REFUSED: dict[str, tuple[dict[str, Any], dict[str, Any], type[Exception], str]] 
         "the rate of streams is 10 Hz, valid: a multiple of the videos' rate, which is 4 Hz",
     ),
     "an unknown storage": ({}, {"video": "h264"}, ConfigError, "mp4v, av1, image"),
-    "a file without episodes": ({}, {"episodes_per_file": 0}, ConfigError, "episodes_per_file"),
+    "a file without episodes": ({}, {"episodes_per_file": -1}, ConfigError, "episodes_per_file"),
 }
 
 

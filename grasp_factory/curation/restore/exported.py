@@ -129,6 +129,7 @@ def _opened(path: Path, place: Place, record: Mapping[str, Any]) -> ExportedEpis
         exporter=exporter,
         folder=ExportFolder(
             place=place,
+            episodes=len(lines),
             settings=exporter.settings(record["settings"]),
             config=config,
             fields={name: row for name, row in known.items() if name in listed},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -27,6 +28,7 @@ REAL_ROWS = "real episodes"
 EPISODES_PER_PART = 8
 """Default for ``Exporter.split``: small, so that workers share the work evenly to its end, and the
 default of ``block_size``, because the series of a block are stored together."""
+_FILES, _MOST_PER_FILE = 8, 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +94,8 @@ class ExportFolder:
 
     place: Place
     """The folder: files are read through it, with limits, and no link is followed."""
+    episodes: int
+    """Number of its episodes."""
     settings: Any
     """The settings that it was written with."""
     config: FactoryConfig
@@ -123,6 +127,19 @@ def nothing_more(job: ExportJob, parts: Sequence[Any]) -> None:
 def equal_parts(episodes: Selection, settings: Any) -> list[range]:
     """Split the episodes into parts of ``EPISODES_PER_PART``; the last may be smaller."""
     return parts_of(len(episodes), EPISODES_PER_PART)
+
+
+def episodes_of_each_file(n: int, chosen: int) -> int:
+    """Return how many of n episodes each file shall hold, for formats whose parts are files.
+
+    With 0 there are eight files, or more: workers share them here, and those of a data loader
+    later. None has fewer than ``EPISODES_PER_PART`` episodes, but for the last, or more than 64.
+
+    Args:
+        n: number of all episodes.
+        chosen: what the user asks for; 0 if nothing.
+    """
+    return chosen or min(max(math.ceil(n / _FILES), EPISODES_PER_PART), _MOST_PER_FILE)
 
 
 def parts_of(n: int, size: int) -> list[range]:

@@ -24,6 +24,7 @@ from grasp_factory.writers.exporters.base import (
     Exporter,
     ExportJob,
     ExportPart,
+    episodes_of_each_file,
     parts_of,
 )
 from grasp_factory.writers.exporters.grasp_rectangle import GraspRectangle
@@ -53,13 +54,14 @@ class GqcnnSettings:
     """Pixels of each side of a crop; GQ-CNN 2.0 takes 32, and 4.0 takes 96."""
     extent: float = 0.168
     """Side of a crop at the grasp's depth, metres; the iiwa's open gripper is 142 mm long."""
-    episodes_per_shard: int = 256
-    """Grasps in a file; one file of each field is in memory at a time."""
+    episodes_per_shard: int = 0
+    """Grasps in a file; 0 for an eighth of all, 8 to 64. One file of each field is in memory at a
+    time."""
 
     def __post_init__(self) -> None:
         check_range(self, "size", 8, 128, "pixels")
         check_range(self, "extent", 0.01, 1.0, "m")
-        check_range(self, "episodes_per_shard", 1, 4096)
+        check_range(self, "episodes_per_shard", 0, 4096)
 
 
 def excludes(episodes: Selection, settings: GqcnnSettings) -> Mapping[str, NDArray[np.bool_]]:
@@ -75,7 +77,11 @@ def excludes(episodes: Selection, settings: GqcnnSettings) -> Mapping[str, NDArr
 
 def split(episodes: Selection, settings: GqcnnSettings) -> list[range]:
     """Return the episodes of each file: all files but the last must have the same number."""
-    return parts_of(len(episodes), settings.episodes_per_shard)
+    return parts_of(len(episodes), _grasps_per_file(episodes, settings))
+
+
+def _grasps_per_file(episodes: Selection, settings: GqcnnSettings) -> int:
+    return episodes_of_each_file(len(episodes), settings.episodes_per_shard)
 
 
 def write_part(job: ExportJob, part: ExportPart) -> None:
@@ -135,7 +141,7 @@ def finish(job: ExportJob, parts: Sequence[None]) -> None:
     settings: GqcnnSettings = job.settings
     side = {"height": settings.size, "width": settings.size, "channels": 1}
     config = {
-        "datapoints_per_file": settings.episodes_per_shard,
+        "datapoints_per_file": _grasps_per_file(job.episodes, settings),
         "fields": {
             IMAGES: {"dtype": "float32", **side},
             POSES: {"dtype": "float32", "height": POSE_VALUES},

@@ -25,6 +25,7 @@ from grasp_factory.writers.exporters.base import (
     Exporter,
     ExportJob,
     ExportPart,
+    episodes_of_each_file,
     parts_of,
 )
 from grasp_factory.writers.exporters.images import png
@@ -36,11 +37,11 @@ from grasp_factory.writers.exporters.selection import Selection
 class WebDatasetSettings:
     """Settings of the format."""
 
-    episodes_per_shard: int = 64
-    """Episodes in a tar file."""
+    episodes_per_shard: int = 0
+    """Episodes in a tar file; 0 for an eighth of all, 8 to 64."""
 
     def __post_init__(self) -> None:
-        check_range(self, "episodes_per_shard", 1, 1_000_000)
+        check_range(self, "episodes_per_shard", 0, 1_000_000)
 
 
 def excludes(episodes: Selection, settings: WebDatasetSettings) -> Mapping[str, NDArray[np.bool_]]:
@@ -60,7 +61,8 @@ def excludes(episodes: Selection, settings: WebDatasetSettings) -> Mapping[str, 
 
 def split(episodes: Selection, settings: WebDatasetSettings) -> list[range]:
     """Return the episodes of each tar file."""
-    return parts_of(len(episodes), settings.episodes_per_shard)
+    n = len(episodes)
+    return parts_of(n, episodes_of_each_file(n, settings.episodes_per_shard))
 
 
 def write_part(job: ExportJob, part: ExportPart) -> None:

@@ -12,7 +12,7 @@ from grasp_factory.core.optional import require
 from grasp_factory.core.sensors import VIDEOS
 from grasp_factory.core.serialization import check, check_range
 from grasp_factory.errors import UsageError
-from grasp_factory.writers.exporters.base import parts_of
+from grasp_factory.writers.exporters.base import episodes_of_each_file, parts_of
 from grasp_factory.writers.exporters.lerobot.even_frames import frame_counts, windowed_groups
 from grasp_factory.writers.exporters.selection import Selection
 from grasp_factory.writers.exporters.steps import NO_FRAMES, without_frames
@@ -28,17 +28,18 @@ class LeRobotSettings:
 
     video: str = MP4V
     """One of ``STORAGES``: mp4v, av1 (smaller; needs the extra ``av``) or image (exact)."""
-    episodes_per_file: int = 64
-    """Episodes in a Parquet file and in a video file."""
+    episodes_per_file: int = 0
+    """Episodes in a Parquet file and in a video file; 0 for an eighth of all, 8 to 64."""
 
     def __post_init__(self) -> None:
         check(self.video in STORAGES, "video", self.video, ", ".join(STORAGES))
-        check_range(self, "episodes_per_file", 1, 1_000_000)
+        check_range(self, "episodes_per_file", 0, 1_000_000)
 
 
 def split(episodes: Selection, settings: LeRobotSettings) -> list[range]:
     """Return the episodes of each file."""
-    return parts_of(len(episodes), settings.episodes_per_file)
+    n = len(episodes)
+    return parts_of(n, episodes_of_each_file(n, settings.episodes_per_file))
 
 
 def excludes(episodes: Selection, settings: LeRobotSettings) -> Mapping[str, NDArray[np.bool_]]:

@@ -14,7 +14,7 @@ from grasp_factory.core.limits import IMPORT_FILE
 from grasp_factory.core.place import Place
 from grasp_factory.core.schema import shape, sizes
 from grasp_factory.core.sensors import VIDEOS
-from grasp_factory.writers.exporters.base import ExportFolder
+from grasp_factory.writers.exporters.base import ExportFolder, episodes_of_each_file
 from grasp_factory.writers.exporters.images import decode_png
 from grasp_factory.writers.exporters.lerobot.features import IMAGES, own_series, windowed_series
 from grasp_factory.writers.exporters.lerobot.lerobot_settings import IMAGE
@@ -35,7 +35,8 @@ def read_back(folder: ExportFolder, place: int) -> dict[str, NDArray[Any]]:
         ValueError, OSError: if a file is not as the export wrote it.
         LimitError: if it is too large.
     """
-    part, row = divmod(place, folder.settings.episodes_per_file)
+    in_a_file = episodes_of_each_file(folder.episodes, folder.settings.episodes_per_file)
+    part, row = divmod(place, in_a_file)
     data, extras = (folder.place / file_name(name, ".parquet", part) for name in (DATA, EXTRAS))
     size, own = sizes(folder.config, folder.joints), list(own_series(folder))
     series = [one for one in windowed_series(folder) if _is_exact(folder, one.field.path)]
