@@ -36,6 +36,7 @@ from support.damage import (
 )
 from support.elsewhere import HERE, THERE, move, set_attributes, set_texts
 from support.helpers import assert_same_tree, tree
+from support.hostile.table import coded
 from support.places import REPOSITORY
 from support.sabotage import SABOTAGE
 from support.scale import IS_SOAK, sampled, scaled, soak_only
@@ -413,6 +414,19 @@ def test_metadata_is_not_made_again_by_a_version_that_writes_it_otherwise(
     result = repair(copy)
     assert not result.is_whole
     assert "is not as this version writes it" in result.failed[0]
+    assert tree(copy) == before
+
+
+def test_rows_are_not_simulated_for_arrays_in_another_layout(copy: Path) -> None:
+    gzip = [{"name": "vlen-utf8"}, {"name": "gzip", "configuration": {"level": 5}}]
+    coded("episodes/checksum", gzip)(copy, copy)
+    before = tree(copy)
+    result = repair(copy)
+    assert result.remade == ()
+    assert result.failed == (
+        "rows stay as they are, for episodes/checksum has other chunks or codecs than this version"
+        " writes: take what is whole into a new store with grasp-factory split",
+    )
     assert tree(copy) == before
 
 

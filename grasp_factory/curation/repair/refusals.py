@@ -8,6 +8,7 @@ from pathlib import Path
 from grasp_factory.core import schema
 from grasp_factory.core.limits import LOST, MEMORY, SIMULATIONS
 from grasp_factory.core.platforms import ACCEPT
+from grasp_factory.curation.repair.template import Template
 from grasp_factory.curation.verify.partial_store import PartialStore
 
 
@@ -24,6 +25,20 @@ def check_losses(path: Path, lost: int, rows: int) -> None:
     """
     SIMULATIONS.check(lost, path)
     LOST.check(lost - (rows - lost), path)
+
+
+def all_rows_stay(pieces: PartialStore, template: Template) -> str:
+    """Return why no block can be rebuilt in the layout of this version; empty if each can."""
+    how = "take what is whole into a new store with grasp-factory split"
+    if pieces.rewritten:
+        what = f"another program has rewritten {min(pieces.rewritten)}"
+        return f"rows stay as they are, for {what}: {how}"
+    if why := _sensor_added_since(pieces):
+        return why
+    if other := template.differs_in_layout(pieces.arrays):
+        what = f"{other} has other chunks or codecs than this version writes"
+        return f"rows stay as they are, for {what}: {how}"
+    return ""
 
 
 def foreign_rows(rows: str, difference: str) -> str:
@@ -52,7 +67,7 @@ def rows_without_recipe(rows: Iterable[int]) -> str:
     return f"rows {numbers} cannot be made again: nothing is left that tells the recipe"
 
 
-def sensor_added_since(pieces: PartialStore) -> str:
+def _sensor_added_since(pieces: PartialStore) -> str:
     """Return the line for a store from before a sensor was added; empty for any other."""
     here = schema.digested(schema.expand(pieces.config))
     added = next((path for path in here if path not in pieces.fields), "")

@@ -21,13 +21,13 @@ from grasp_factory.curation.repair.rebuild import (
     files_of,
 )
 from grasp_factory.curation.repair.refusals import (
+    all_rows_stay,
     check_losses,
     foreign_rows,
     row_that_crashes,
     rows_of_sessions,
     rows_of_unknown_platform,
     rows_without_recipe,
-    sensor_added_since,
 )
 from grasp_factory.curation.repair.template import Template
 from grasp_factory.curation.verify.annotation_log import mend_annotations
@@ -115,12 +115,7 @@ class RepairSession:
                 problems = tuple(checked.problems)
             size = pieces.config.block_size
             broken = {p.episode // size for p in problems if p.episode is not None}
-            if broken and pieces.rewritten:  # blocks are rebuilt in the original layout
-                what = f"another program has rewritten {min(pieces.rewritten)}"
-                how = "take what is whole into a new store with grasp-factory split"
-                self.failed.append(f"rows stay as they are, for {what}: {how}")
-                return True
-            if broken and (why := sensor_added_since(pieces)):
+            if broken and (why := all_rows_stay(pieces, template)):
                 self.failed.append(why)
                 return True
             self._mend_blocks(template, pieces, sorted(broken))

@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from grasp_factory.core.atomic_file import PARTIAL
 from grasp_factory.core.json_text import parsed
@@ -21,6 +21,7 @@ from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.header import read_attributes
 from grasp_factory.writers.zarr.store import remove_creation
 
+_LAYOUT = ("data_type", "chunk_grid", "chunk_key_encoding", "codecs")
 _OURS = re.compile(rf"(zarr\.json|c)({re.escape(PARTIAL)})?|[0-9]+(\.[0-9]+)*({ATTEMPT_FILE})?")
 """Names of the files and folders of a store's arrays."""
 
@@ -70,12 +71,26 @@ class Template:
         If there is none, this version writes the metadata that the store's version wrote.
         """
         for name in names:
-            ours, theirs = (
-                read_document(place / name / FILE) for place in (self.place, self._store)
-            )
-            if not theirs[1] and ours[0] != theirs[0]:
+            ours, theirs, fault = self._documents(name)
+            if not fault and ours != theirs:
                 return name
         return ""
+
+    def differs_in_layout(self, names: Iterable[str]) -> str:
+        """Return the first of these arrays whose files in the store are other than those here.
+
+        A file of the template says nothing in the store if the chunks or the codecs differ.
+        """
+        for name in names:
+            ours, theirs, _ = self._documents(name)
+            if any(ours.get(key) != theirs.get(key) for key in _LAYOUT):
+                return name
+        return ""
+
+    def _documents(self, name: str) -> tuple[dict[str, Any], dict[str, Any], str]:
+        """Return the metadata of an array here and in the store, and what is wrong with that."""
+        ours, theirs = (read_document(place / name / FILE) for place in (self.place, self._store))
+        return ours[0], *theirs
 
     def give_document(self, name: str) -> None:
         """Replace the ``zarr.json`` of an array or group in the store by the template's.
