@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from grasp_factory.core.palette import CURVES
 from grasp_factory.core.text_format import escaped
+from grasp_factory.core.thumbnail_size import thumbnail_height
 
 LONGEST = 200
 """Characters of a text."""
@@ -52,7 +53,7 @@ def picture(rgb: NDArray[np.uint8], alt: str, width: int = THUMB_WIDTH) -> str:
     """Return an image (H, W, 3) as an element that contains it, ``width`` pixels wide."""
     import cv2  # noqa: PLC0415 (only notebooks need it)
 
-    height = max(1, round(width * rgb.shape[0] / rgb.shape[1]))
+    height = thumbnail_height(width, rgb.shape)
     how = cv2.INTER_AREA if rgb.shape[1] >= width else cv2.INTER_NEAREST
     small = cv2.resize(np.ascontiguousarray(rgb[..., ::-1]), (width, height), interpolation=how)
     _, data = cv2.imencode(".jpg", small, (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))

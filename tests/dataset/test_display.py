@@ -17,6 +17,7 @@ from support.fake_episodes import JOINTS, make_episode, make_rows, small_config
 from support.places import TINY
 
 from grasp_factory import Dataset
+from grasp_factory.apps.browse.image_files import thumbnail
 from grasp_factory.core.html_parts import LONGEST, curves, html_table, html_text, picture
 from grasp_factory.core.real_series import REAL_GROUPS
 from grasp_factory.writers import ZarrWriter
@@ -99,6 +100,18 @@ def test_an_attempt_without_records_shows_its_pictures(tmp_path: Path) -> None:
     episode = make_episode(small_config(), 3, 0)
     assert Elements(episode._repr_html_()).names.count("svg") == 0
     assert "streams" in repr(episode)
+
+
+@pytest.mark.parametrize("resolution", [(16, 4096), (4096, 16)])
+def test_thin_images_are_shown_small(tmp_path: Path, resolution: tuple[int, int]) -> None:
+    """A picture with the proportions of the first would be 51,200 pixels high."""
+    config = small_config(resolution=resolution)
+    prepare_store(tmp_path / "s", config, JOINTS, 8, {})
+    ZarrWriter(tmp_path / "s").write_block(0, make_rows(config, 0, 8))
+    dataset = Dataset(tmp_path / "s")
+    for shown in (dataset, dataset[0]):
+        assert len(shown._repr_html_()) < 1_000_000
+    assert len(thumbnail(dataset, 0, "front", 0)) < 100_000
 
 
 def test_rows_without_an_episode_and_damage_are_shown_in_words(tmp_path: Path) -> None:

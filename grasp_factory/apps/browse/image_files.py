@@ -15,6 +15,7 @@ from grasp_factory.apps.pictures.painting import (
     put_outline,
 )
 from grasp_factory.core.enums import UNKNOWN, Label
+from grasp_factory.core.thumbnail_size import thumbnail_height
 from grasp_factory.dataset.dataset import Dataset
 
 KINDS = ("rgb", "depth", "segmentation", "overlay")
@@ -44,7 +45,7 @@ def thumbnail(dataset: Dataset, row: int, camera: str, frame: int) -> bytes:
         StoreError: if the row is missing, quarantined or damaged.
     """
     image = _image(dataset, row, camera, "rgb", frame)
-    height = max(1, round(THUMB_WIDTH * image.shape[0] / image.shape[1]))
+    height = thumbnail_height(THUMB_WIDTH, image.shape)
     how = cv2.INTER_AREA if image.shape[1] >= THUMB_WIDTH else cv2.INTER_CUBIC
     small = np.asarray(cv2.resize(image, (THUMB_WIDTH, height), interpolation=how), np.uint8)
     if dataset.config.clutter.count > 1:

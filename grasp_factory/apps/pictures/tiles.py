@@ -15,6 +15,7 @@ from grasp_factory.apps.pictures.sheet import WORTH_TELLING, chosen
 from grasp_factory.core import palette
 from grasp_factory.core.enums import Outcome
 from grasp_factory.core.shown_units import SHOWN_UNITS
+from grasp_factory.core.thumbnail_size import thumbnail_height
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import UsageError, lookup
 from grasp_factory.writers.zarr.writer import QUARANTINED
@@ -160,7 +161,7 @@ def _small(rgb: NDArray[np.uint8]) -> BgrImage:
 
 
 def _height(width: int, height: int) -> int:
-    return min(max(16, round(PANEL * height / width)), 2 * PANEL)
+    return max(16, thumbnail_height(PANEL, (height, width)))
 
 
 def _word(name: str) -> str:
