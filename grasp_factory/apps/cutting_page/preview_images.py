@@ -5,11 +5,11 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 
+from grasp_factory.apps.pictures.small_jpeg import small_jpeg
 from grasp_factory.capture.privacy.camera_images import camera_image
 from grasp_factory.capture.ros_messages import IMAGE
 from grasp_factory.capture.samples import DeviceKind
@@ -27,7 +27,7 @@ WIDEST = 320
 """Pixels."""
 MOST_BYTES = 200_000_000
 """Bytes of all pictures; those after them are left out."""
-_QUALITY = (cv2.IMWRITE_JPEG_QUALITY, 70)
+_QUALITY = 70
 
 
 class Preview(NamedTuple):
@@ -100,14 +100,5 @@ def _read_previews(job: tuple[Path, int, float], report: SendMessage) -> None:
             latest[topic.name] = at_s
             image = camera_image(message)
             if not image.is_depth:
-                report(Preview(topic.device, at_s, _jpeg(image.rgb())))
-
-
-def _jpeg(rgb: Any) -> bytes:
-    height, width = rgb.shape[:2]
-    image = np.ascontiguousarray(rgb[..., ::-1])
-    if width > WIDEST:
-        size = WIDEST, max(1, round(height * WIDEST / width))
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    _, data = cv2.imencode(".jpg", image, _QUALITY)
-    return bytes(data.tobytes())
+                bgr = np.ascontiguousarray(image.rgb()[..., ::-1])
+                report(Preview(topic.device, at_s, small_jpeg(bgr, WIDEST, _QUALITY)))
