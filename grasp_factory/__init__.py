@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.16.0"
+__version__ = "0.17.0"
 
 if TYPE_CHECKING:
     from grasp_factory.core.config.factory_config import FactoryConfig
