@@ -48,7 +48,13 @@ class Nodes:
 
     def start(self) -> None:
         """Start a head and a second node, each in a process group of its own."""
-        quiet = ("--node-ip-address=127.0.0.1", "--num-cpus=1", "--disable-usage-stats", "--block")
+        quiet = (
+            "--node-ip-address=127.0.0.1",
+            "--num-cpus=1",
+            "--disable-usage-stats",
+            "--include-log-monitor=false",
+            "--block",
+        )
         self._run("--head", f"--port={PORT}", "--include-dashboard=false", *quiet)
         _wait_for(lambda: len(self.raylets()) == 1)
         time.sleep(3.0)

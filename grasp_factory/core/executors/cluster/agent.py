@@ -15,7 +15,7 @@ from grasp_factory.core.executors.team import Report, Team
 from grasp_factory.core.plugins.plugin_sources import allow
 from grasp_factory.errors import GraspFactoryError, UsageError
 
-BATCH_S = 1.0
+BATCH_S = 2.0
 """Longest time until an agent answers, seconds. A shorter one makes more and smaller answers."""
 ALONE_S = 60.0
 """Seconds without a question after which an agent ends its workers: its run counts it as lost."""

@@ -116,7 +116,11 @@ class RayCluster(Transport):
         where = NodeAffinitySchedulingStrategy(self._ids[node], soft=False)
         actor = self._ray.remote(NodeActor)
         options = actor.options(
-            num_cpus=0, max_restarts=0, max_concurrency=2, scheduling_strategy=where
+            num_cpus=0,
+            max_restarts=0,
+            max_concurrency=1,  # with more, Ray's main thread wakes up a hundred times a second
+            scheduling_strategy=where,
+            enable_task_events=False,  # nobody looks at the questions one by one
         )
         self._actors[node] = options.remote(pickled(setup))
 
