@@ -13,7 +13,7 @@ from grasp_factory.core.freed_memory import keep_freed_memory
 from grasp_factory.core.schema import Field
 from grasp_factory.dataset.checked_reader import checked_arrays
 from grasp_factory.dataset.row_codec import NEEDED
-from grasp_factory.dataset.row_integrity import must_have_fingerprints
+from grasp_factory.dataset.row_integrity import digested_paths, must_have_fingerprints
 from grasp_factory.errors import StoreError
 from grasp_factory.writers.zarr.array_reader import StoredArray
 from grasp_factory.writers.zarr.field_arrays import open_arrays
@@ -49,7 +49,7 @@ def opened(path: Path, *, checked: bool) -> OpenedStore:
     needed = {f"episodes/{name}" for name in NEEDED}
     fields = {row.path: row for row in schema.expand(config)}
     arrays = open_arrays(root, config, fields, needed)
-    for name in sorted({fields[p].length_column for p in arrays} - {"", *arrays}):
+    for name in sorted(_named(arrays, fields) - {"", *arrays}):
         what = f"array {name} is missing; run grasp-factory verify on it, and repair"
         raise StoreError(f"{path} is damaged: {what}")
     if checked:
@@ -62,3 +62,12 @@ def opened(path: Path, *, checked: bool) -> OpenedStore:
         arrays=arrays,
         fields={row_path: row for row_path, row in fields.items() if row_path in arrays},
     )
+
+
+def _named(arrays: Mapping[str, StoredArray], fields: Mapping[str, Field]) -> set[str]:
+    """Return the arrays that others name: columns of lengths, and what the digests are of.
+
+    Columns among the latter may be absent: they are read where they are needed.
+    """
+    large = {path for path, field in fields.items() if field.length_column or field.is_image}
+    return {fields[path].length_column for path in arrays} | (large & set(digested_paths(arrays)))

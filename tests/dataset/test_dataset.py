@@ -430,6 +430,14 @@ def test_a_store_from_before_a_column_was_added_is_read_without_it(own_path: Pat
     assert "grasp_score" not in dataset[0].columns
 
 
+@pytest.mark.parametrize("name", ["streams/tcp_pose", "cameras/front/depth"])
+def test_images_and_series_that_are_lost_are_named(own_path: Path, name: str) -> None:
+    """The store lists its arrays, so a lost one is none that was added later."""
+    (own_path / name / "zarr.json").unlink()
+    with pytest.raises(StoreError, match=f"is damaged: array {name} is missing; run"):
+        Dataset(own_path)
+
+
 def test_it_travels_to_another_process_as_its_path(dataset: Dataset) -> None:
     there = pickle.loads(pickle.dumps(dataset))
     assert there[0].checksum() == dataset[0].checksum()

@@ -260,9 +260,12 @@ class TestBlocksOfSomeRows:
         with pytest.raises(UnknownNameError, match=f"unknown time series '{name}'"):
             Dataset(TINY, noise=noise).iter_episodes([], iter([name]))
 
-    def test_name_a_time_series_that_the_store_lacks(self, path: Path, tmp_path: Path) -> None:
+    def test_name_a_time_series_that_a_store_without_digests_lacks(
+        self, path: Path, tmp_path: Path
+    ) -> None:
         copy = Path(shutil.copytree(path, tmp_path / "copy"))
         shutil.rmtree(copy / "streams/tcp_pose")
+        shutil.rmtree(copy / "episodes/array_crc32c")
         with pytest.raises(StoreError, match="is damaged: streams/tcp_pose is missing"):
             Dataset(copy).iter_episodes([0], ["streams/tcp_pose"])
 
