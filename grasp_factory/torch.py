@@ -5,6 +5,7 @@ The store is not copied; each worker of a loader opens it itself.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +19,11 @@ from torch.utils.data import Dataset as TorchDataset
 from torch.utils.data import IterableDataset, get_worker_info
 
 from grasp_factory.apps.learning.example_cache import KeptInputs
-from grasp_factory.apps.learning.examples import ExampleReader
+from grasp_factory.apps.learning.examples import AT_ONCE, ExampleReader
+from grasp_factory.core.object_storage.address import is_remote
 from grasp_factory.core.serialization import is_integer
 from grasp_factory.dataset.dataset import Dataset
-from grasp_factory.errors import UsageError, shown
+from grasp_factory.errors import GraspFactoryError, UsageError, shown
 from grasp_factory.policies.networks.inputs import KINDS, Inputs, TouchWindow, mirrored
 from grasp_factory.signals.grasp_crop import CropShape
 from grasp_factory.signals.noise import SensorNoise, named_noise
@@ -66,6 +68,7 @@ class GraspDataset(TorchDataset[Example]):
                 each epoch; None for no mirroring.
             keep_bytes: Largest size of a temporary file that keeps examples after their first
                 reading, 28 kB each with an image, so that later epochs are faster; 0 for no file.
+                From object storage, examples beside those that are asked for are read and kept too.
                 With ``noise``, which differs between epochs, there is no file.
 
         Raises:
@@ -85,6 +88,7 @@ class GraspDataset(TorchDataset[Example]):
         self._kept: KeptInputs | None = None
         if noise is None and keep_bytes:
             self._kept = KeptInputs(self._reader.shapes, len(self._grasps), keep_bytes)
+        self._reads_ahead = any(map(is_remote, dataset.paths))
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         self._read_epoch = 0
 
@@ -153,6 +157,9 @@ class GraspDataset(TorchDataset[Example]):
         if self._kept is None:
             return reader.inputs(self._grasps.take(places))
         inputs, found = self._kept.take(places)
+        if self._reads_ahead and not found.all():
+            self._read_ahead(self._kept, places[~found])
+            inputs, found = self._kept.take(places)
         if not found.all():
             missing = np.flatnonzero(~found)
             fresh = reader.inputs(self._grasps.take(places[missing]))
@@ -160,6 +167,21 @@ class GraspDataset(TorchDataset[Example]):
             for name, values in fresh.items():
                 inputs[name][missing] = values
         return inputs
+
+    def _read_ahead(self, kept: KeptInputs, places: NDArray[np.int64]) -> None:
+        """Read and keep the examples around some as well: few requests bring all of them.
+
+        The workers of a loader begin at different ones, so that each reads a part.
+        """
+        runs = np.unique(places // AT_ONCE)
+        worker = get_worker_info()
+        first = len(runs) * worker.id // worker.num_workers if worker else 0
+        for run in np.roll(runs, -first).tolist():
+            around = np.arange(AT_ONCE * run, min(AT_ONCE * (run + 1), len(self)))
+            free = kept.claim(around)
+            if len(free):
+                with contextlib.suppress(GraspFactoryError):  # one beside it may be damaged
+                    kept.keep(free, self._reader.inputs(self._grasps.take(free)))
 
     def _place(self, index: int) -> int:
         if not -len(self) <= index < len(self):

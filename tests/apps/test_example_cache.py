@@ -47,6 +47,16 @@ def test_what_does_not_fit_is_not_kept() -> None:
     assert os.path.getsize(kept._path) <= 3 * size
 
 
+def test_what_one_process_reads_no_other_one_gets() -> None:
+    kept, everything = KeptInputs(SHAPES, 10, 2**20), drawn(10)
+    other = pickle.loads(pickle.dumps(kept))
+    kept.keep(np.array([2]), {name: values[[2]] for name, values in everything.items()})
+    assert kept.claim(np.arange(5)).tolist() == [0, 1, 3, 4]
+    assert other.claim(np.arange(7)).tolist() == [5, 6]
+    assert other.take(np.arange(10))[1].tolist() == [k == 2 for k in range(10)]
+    assert kept.claim(np.array([9, 11])).tolist() == [9]
+
+
 def test_the_file_goes_with_its_maker_and_not_with_a_copy() -> None:
     kept = KeptInputs(SHAPES, 4, 2**20)
     kept.keep(np.arange(4), drawn(4))

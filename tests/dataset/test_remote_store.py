@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from support.fake_episodes import JOINTS, make_rows, small_config
 from support.helpers import assert_same_tree
 from support.object_server import SECRET, ObjectServer
 
+from grasp_factory.apps.learning.examples import AT_ONCE
 from grasp_factory.core.object_storage import client as clients
 from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.place import place_of
@@ -24,7 +27,8 @@ from grasp_factory.dataset.annotations import AnnotationLog
 from grasp_factory.dataset.block_version import block_version
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.index import fresh
-from grasp_factory.errors import StorageError, StoreMismatchError
+from grasp_factory.errors import StorageError, StoreError, StoreMismatchError
+from grasp_factory.torch import GraspDataset
 from grasp_factory.writers.zarr.store import prepare_store
 from grasp_factory.writers.zarr.writer import ZarrWriter
 
@@ -148,6 +152,34 @@ def test_images_of_a_block_are_one_request_for_each_kind(here: Path, server: Obj
     for scene, other in zip(scenes, Dataset(here).scenes(rows, ("rgb", "depth")), strict=True):
         np.testing.assert_array_equal(scene["front"].rgb, other["front"].rgb)
         np.testing.assert_array_equal(scene["front"].depth, other["front"].depth)
+
+
+def test_an_example_brings_those_beside_it(here: Path, server: ObjectServer) -> None:
+    near, far = GraspDataset(here), GraspDataset(ADDRESS)
+    assert 2 < len(far) == len(near) <= AT_ONCE
+    far[len(far) - 1]
+    asked = len(server.requests)
+    for ours, theirs in zip(near, far, strict=True):
+        assert ours["row"] == theirs["row"]
+        assert torch.equal(ours["image"], theirs["image"])
+    assert len(server.requests) == asked
+
+
+def test_a_damaged_example_spoils_no_other(
+    here: Path, server: ObjectServer, tmp_path: Path
+) -> None:
+    damaged, row = tmp_path / "damaged.zarr", int(GraspDataset(here).rows[0])
+    shutil.copytree(here, damaged)
+    for file in (damaged / "cameras/front/depth").glob(f"{row // 4}.*"):
+        file.write_bytes(b"no image")
+    server.take(damaged, "data/damaged.zarr")
+    far = GraspDataset("s3://bucket/data/damaged.zarr")
+    whole = [k for k, of in enumerate(far.rows.tolist()) if of // 4 != row // 4]
+    assert whole
+    for k in whole:
+        assert torch.equal(far[k]["image"], GraspDataset(here)[k]["image"])
+    with pytest.raises(StoreError, match="cannot be read"):
+        far[0]
 
 
 def test_opening_asks_for_the_description_of_each_array_once(

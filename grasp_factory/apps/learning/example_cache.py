@@ -20,13 +20,16 @@ from numpy.typing import NDArray
 
 from grasp_factory.policies.networks.inputs import Inputs
 
+_KEPT, _CLAIMED = 1, 2
+"""Marks of a position: its inputs are in the file; a process has begun to read them."""
+
 
 class KeptInputs:
     """The inputs of some of N examples, by position; examples that do not fit are not kept.
 
-    One byte for each position marks its inputs as stored. The byte is written after the inputs, so
-    a process that reads the mark also reads complete inputs. The file is removed when the process
-    that made it releases this object.
+    One byte for each position marks its inputs as stored, or as being read. The first is written
+    after the inputs, so a process that reads the mark also reads complete inputs. The file is
+    removed when the process that made it releases this object.
     """
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]], count: int, most: int) -> None:
@@ -58,13 +61,10 @@ class KeptInputs:
         Args:
             places: Positions of the examples, (K,), 0 to N - 1.
         """
-        file = self._opened()
-        flags = np.zeros(self._room, np.uint8)
-        said = np.frombuffer(os.pread(file, self._room, 0), np.uint8) if file >= 0 else flags[:0]
-        flags[: len(said)] = said
+        file, flags = self._opened(), self._flags()
         found = np.zeros(len(places), np.bool_)
         fits = places < self._room
-        found[fits] = flags[places[fits]] == 1
+        found[fits] = flags[places[fits]] == _KEPT
         records = np.empty((len(places), self._size // 4), np.float32)
         for k in np.flatnonzero(found).tolist():
             record = memoryview(records[k]).cast("B")
@@ -86,7 +86,26 @@ class KeptInputs:
                 place = int(places[k])
                 record = np.concatenate([inputs[name][k].ravel() for name in self._shapes])
                 if os.pwrite(file, record.data, self._offset(place)) == self._size:
-                    os.pwrite(file, b"\1", place)
+                    os.pwrite(file, bytes([_KEPT]), place)
+
+    def claim(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return those of some positions whose inputs nobody keeps or reads; the caller reads them.
+
+        Two processes that ask at the same instant may get the same ones, and read them twice.
+        """
+        free: NDArray[np.int64] = places[places < self._room]
+        free = free[self._flags()[free] == 0]
+        with contextlib.suppress(OSError):
+            for place in free.tolist():
+                os.pwrite(self._opened(), bytes([_CLAIMED]), place)
+        return free
+
+    def _flags(self) -> NDArray[np.uint8]:
+        """Return the mark of each position that there is space for."""
+        file, flags = self._opened(), np.zeros(self._room, np.uint8)
+        said = np.frombuffer(os.pread(file, self._room, 0), np.uint8) if file >= 0 else flags[:0]
+        flags[: len(said)] = said
+        return flags
 
     def _offset(self, place: int) -> int:
         return self._room + place * self._size
