@@ -5,8 +5,7 @@
     PYTHONPATH=tests python -m benchmarks.bench_object_storage grasps.zarr
 
 The server is what the environment names. The store is packed, once on the disk and once there. Both
-are read in turns, in processes that have imported everything. The page cache is warm. Loaders read
-ahead, so an epoch must have many batches.
+are read in turns, in processes that have imported everything. The page cache is warm.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import os
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from typing import Any
 import numpy as np
 from support.object_server import make_bucket
 from torch.utils.data import DataLoader
+from torch.utils.data import Dataset as TorchDataset
 
 from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.curation.pack import pack_store
@@ -34,8 +34,8 @@ from grasp_factory.dataset.summary import summarise
 from grasp_factory.torch import GraspDataset, GraspStream
 
 BATCH, WORKERS = 64, 2
-EPOCHS = 5
-"""Of a training with the file of examples that ``GraspDataset`` has by default."""
+EPOCHS = (1, 5)
+"""Of trainings with the file of examples that ``GraspDataset`` has by default."""
 EPISODE_MS, INFO_S, LOADER_RATIO = 5.0, 0.5, 0.6
 """Bounds: a random episode with warm caches, the first ``info``, the loader against the disk."""
 
@@ -77,35 +77,58 @@ class Feed:
 
     def __init__(self, store: str, *, is_stream: bool = False, **settings: Any) -> None:
         examples = GraspDataset(store, **settings)
-        options: dict[str, Any] = {"batch_size": BATCH, "num_workers": WORKERS}
-        options |= {"persistent_workers": True, "multiprocessing_context": "spawn"}
-        self._loader: DataLoader[Any] = (
-            DataLoader(GraspStream(examples), **options)
-            if is_stream
-            else DataLoader(examples, shuffle=True, **options)
+        self._loader = _loader(
+            GraspStream(examples) if is_stream else examples, shuffle=not is_stream
         )
-
-    def batches(self, epochs: int = 1) -> Iterator[int]:
-        """Yield the number of examples of each batch of some epochs."""
-        for _ in range(epochs):
-            for batch in self._loader:
-                yield len(batch["success"])
 
     def speed(self) -> float:
         """Return the examples per second of an epoch, whose workers have started."""
         started = time.perf_counter()
-        return sum(self.batches()) / (time.perf_counter() - started)
+        count = sum(len(batch["success"]) for batch in self._loader)
+        return count / (time.perf_counter() - started)
 
 
-def kept_speed(store: str) -> float:
-    """Return the examples per second of the first epochs of a training, after the first batch.
+def _loader(examples: Any, *, shuffle: bool) -> DataLoader[Any]:
+    return DataLoader(
+        examples,
+        shuffle=shuffle or None,
+        batch_size=BATCH,
+        num_workers=WORKERS,
+        persistent_workers=True,
+        multiprocessing_context="spawn",
+    )
 
-    Before it, the workers start. Meanwhile they read ahead, a few batches at most.
+
+class Gated(TorchDataset[Any]):
+    """Examples that each worker begins to read when all workers have started."""
+
+    def __init__(self, examples: GraspDataset, gate: Any) -> None:
+        self._examples, self._gate, self._is_open = examples, gate, False
+
+    def __len__(self) -> int:
+        return len(self._examples)
+
+    def __getitems__(self, indices: Sequence[int]) -> list[Any]:
+        if not self._is_open:
+            self._gate.wait()
+            self._is_open = True
+        return self._examples.__getitems__(indices)
+
+
+def kept_speed(store: str, epochs: int) -> float:
+    """Return the examples per second of the first epochs of a training, whose workers have started.
+
+    ``GraspDataset`` is as it is by default, so that it keeps examples in a file.
     """
-    batches = Feed(store).batches(EPOCHS)
-    next(batches)
+    gate = multiprocessing.get_context("spawn").Barrier(WORKERS + 1)
+    loader = _loader(Gated(GraspDataset(store), gate), shuffle=True)
+    first = iter(loader)
+    gate.wait()
     started = time.perf_counter()
-    return sum(batches) / (time.perf_counter() - started)
+    count = sum(len(batch["success"]) for batch in first)
+    for _ in range(epochs - 1):
+        count += sum(len(batch["success"]) for batch in loader)
+    return count / (time.perf_counter() - started)
 
 
 def in_turns(what: str, here: Callable[[], float], there: Callable[[], float], rounds: int) -> None:
@@ -148,8 +171,9 @@ def main() -> None:
             for feed in feeds:
                 feed.speed()
             in_turns(kind, feeds[0].speed, feeds[1].speed, given.rounds)
-        kept = [partial(kept_speed, store) for store in stores]
-        in_turns(f"shuffled, {EPOCHS} epochs", kept[0], kept[1], given.rounds)
+        for epochs in EPOCHS:
+            kept = [partial(kept_speed, store, epochs) for store in stores]
+            in_turns(f"shuffled, kept, {epochs} epochs", kept[0], kept[1], given.rounds)
 
 
 if __name__ == "__main__":
