@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.utils.data import Dataset as TorchDataset
 from torch.utils.data import IterableDataset, get_worker_info
 
-from grasp_factory.apps.learning.example_cache import KeptInputs
+from grasp_factory.apps.learning.example_cache import KeptInputs, runs_around
 from grasp_factory.apps.learning.examples import AT_ONCE, ExampleReader
 from grasp_factory.core.object_storage.address import is_remote
 from grasp_factory.core.serialization import is_integer
@@ -173,13 +173,10 @@ class GraspDataset(TorchDataset[Example]):
 
         The workers of a loader begin at different ones, so that each reads a part.
         """
-        runs = np.unique(places // AT_ONCE)
         worker = get_worker_info()
-        first = len(runs) * worker.id // worker.num_workers if worker else 0
-        for run in np.roll(runs, -first).tolist():
-            around = np.arange(AT_ONCE * run, min(AT_ONCE * (run + 1), len(self)))
-            free = kept.claim(around)
-            if len(free):
+        share = worker.id / worker.num_workers if worker else 0.0
+        for run in runs_around(places, AT_ONCE, len(self), share):
+            if len(free := kept.claim(run)):
                 with contextlib.suppress(GraspFactoryError):  # one beside it may be damaged
                     kept.keep(free, self._reader.inputs(self._grasps.take(free)))
 

@@ -16,7 +16,7 @@ from support.places import TINY
 from support.scale import soak_only
 from torch.utils.data import DataLoader
 
-from grasp_factory.apps.learning.example_cache import KeptInputs
+from grasp_factory.apps.learning.example_cache import KeptInputs, runs_around
 from grasp_factory.policies.networks import KINDS
 from grasp_factory.torch import GraspDataset
 
@@ -55,6 +55,16 @@ def test_what_one_process_reads_no_other_one_gets() -> None:
     assert other.claim(np.arange(7)).tolist() == [5, 6]
     assert other.take(np.arange(10))[1].tolist() == [k == 2 for k in range(10)]
     assert kept.claim(np.array([9, 11])).tolist() == [9]
+
+
+@pytest.mark.parametrize(("share", "order"), [(0.0, [0, 2, 4]), (0.5, [2, 4, 0]), (0.7, [4, 0, 2])])
+def test_runs_around_positions_are_whole_and_begin_at_a_share(
+    share: float, order: list[int]
+) -> None:
+    runs = runs_around(np.array([17, 1, 8, 3, 11]), 4, 18, share)
+    assert [run[0] // 4 for run in runs] == order
+    assert {len(run) for run in runs} == {4, 2}
+    assert sorted(np.concatenate(runs).tolist()) == [0, 1, 2, 3, 8, 9, 10, 11, 16, 17]
 
 
 def test_the_file_goes_with_its_maker_and_not_with_a_copy() -> None:

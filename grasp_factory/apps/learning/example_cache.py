@@ -119,6 +119,22 @@ class KeptInputs:
         return self._file
 
 
+def runs_around(
+    places: NDArray[np.int64], length: int, count: int, share: float
+) -> list[NDArray[np.int64]]:
+    """Return the runs of positions in which some positions lie, (length,) each, the last shorter.
+
+    Args:
+        places: the positions, 0 to count - 1.
+        length: of a run; runs begin at its multiples.
+        count: number of all positions.
+        share: which part of the runs comes first, 0 to 1.
+    """
+    numbers = np.unique(places // length)
+    turned = np.roll(numbers, -int(share * len(numbers)))
+    return [np.arange(length * k, min(length * (k + 1), count)) for k in turned.tolist()]
+
+
 def _remove(opened: int, path: Path, maker: int) -> None:
     """Close the file, and remove it in the process that made it; a forked one only closes it."""
     os.close(opened)
