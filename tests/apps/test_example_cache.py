@@ -57,6 +57,21 @@ def test_what_one_process_reads_no_other_one_gets() -> None:
     assert kept.claim(np.array([9, 11])).tolist() == [9]
 
 
+def test_without_space_for_the_file_nothing_is_read_to_be_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def full(*_: object, **__: object) -> tuple[int, str]:
+        raise OSError(errno.ENOSPC, "no space")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("tempfile.mkstemp", full)
+        kept = KeptInputs(SHAPES, 10, 2**20)
+    assert kept.claim(np.arange(10)).tolist() == []
+    filled = KeptInputs(SHAPES, 10, 2**20)
+    monkeypatch.setattr(os, "pwrite", full)
+    assert filled.claim(np.arange(10)).tolist() == []
+
+
 @pytest.mark.parametrize(("share", "order"), [(0.0, [0, 2, 4]), (0.5, [2, 4, 0]), (0.7, [4, 0, 2])])
 def test_runs_around_positions_are_whole_and_begin_at_a_share(
     share: float, order: list[int]

@@ -91,13 +91,17 @@ class KeptInputs:
     def claim(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return those of some positions whose inputs nobody keeps or reads; the caller reads them.
 
-        Two processes that ask at the same instant may get the same ones, and read them twice.
+        Two processes that ask at the same instant may get the same ones, and read them twice. If
+        the file cannot be written, nothing is returned, because nothing would be kept.
         """
+        file = self._opened()
         free: NDArray[np.int64] = places[places < self._room]
         free = free[self._flags()[free] == 0]
-        with contextlib.suppress(OSError):
+        try:
             for place in free.tolist():
-                os.pwrite(self._opened(), bytes([_CLAIMED]), place)
+                os.pwrite(file, bytes([_CLAIMED]), place)
+        except OSError:
+            return places[:0]
         return free
 
     def _flags(self) -> NDArray[np.uint8]:
