@@ -432,7 +432,7 @@ def test_a_store_from_before_a_column_was_added_is_read_without_it(own_path: Pat
 
 @pytest.mark.parametrize("name", ["streams/tcp_pose", "cameras/front/depth"])
 def test_images_and_series_that_are_lost_are_named(own_path: Path, name: str) -> None:
-    """The store lists its arrays, so a lost one is none that was added later."""
+    """A store lists its arrays. That tells a lost array from one that a later version added."""
     (own_path / name / "zarr.json").unlink()
     with pytest.raises(StoreError, match=f"is damaged: array {name} is missing; run"):
         Dataset(own_path)
