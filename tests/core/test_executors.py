@@ -342,6 +342,23 @@ def test_ctrl_c_that_another_thread_receives_waits_until_a_worker_has_started() 
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_threads_that_start_workers_leave_the_environment_as_it_was() -> None:
+    has_it, leave = threading.Event(), threading.Event()
+
+    def start_another() -> None:
+        with process_start.environment(process_start.OF_A_WORKER):
+            has_it.set()
+            leave.wait()
+
+    before, second = dict(os.environ), threading.Thread(target=start_another)
+    with process_start.environment(process_start.OF_A_WORKER):
+        second.start()
+        has_it.wait(0.2)  # where both may have it, the second's ends last
+    leave.set()
+    second.join()
+    assert dict(os.environ) == before
+
+
 def test_a_worker_that_is_stopped_tidies_up_after_itself(tmp_path: Path) -> None:
     def stop(_pid: int) -> None:
         assert (tmp_path / "scratch").exists()

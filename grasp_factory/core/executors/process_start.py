@@ -25,22 +25,27 @@ OF_A_WORKER = {
 """Environment variables of workers: one thread, because the workers share the cores already; and
 modules are not looked for in the current folder before they have the path of their parent."""
 
+_ENVIRONMENT = threading.RLock()
 _POSTPONED = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
 
 
 @contextlib.contextmanager
 def environment(values: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for a while; a child started meanwhile inherits them."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+    """Set environment variables for a while; a child started meanwhile inherits them.
+
+    One thread at a time: a second would take the first one's values for those of before.
+    """
+    with _ENVIRONMENT:
+        before = {name: os.environ.get(name) for name in values}
+        try:
+            os.environ.update(values)
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
 
 
 @contextlib.contextmanager
