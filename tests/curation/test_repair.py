@@ -215,10 +215,11 @@ def test_far_more_lost_rows_than_whole_ones_are_not_simulated(
         check_losses(Path("s.zarr"), lost, rows)
 
 
-def test_all_rows_that_would_be_simulated_are_counted(
+def test_all_rows_that_would_be_simulated_are_counted_before_a_recipe_is_sampled(
     copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(refusals, "LOST", dataclasses.replace(LOST, usual=0))
+    monkeypatch.setattr(recovery, "sample_spec", lambda config, index: pytest.fail("sampled"))
     for block in (0, 1):
         (copy / f"streams/tcp_pose/{block}.0.0").unlink()
     with pytest.raises(LimitError, match="a number of lost rows beyond that of whole ones"):

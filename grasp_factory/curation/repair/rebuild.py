@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from grasp_factory.core import schema
 from grasp_factory.core.content_checksum import checksum
-from grasp_factory.core.episode import Episode, EpisodeSpec
+from grasp_factory.core.episode import Episode
 from grasp_factory.core.executors import SendMessage
 from grasp_factory.core.place import Place
 from grasp_factory.core.platforms import Fingerprint, difference, fingerprint_of, parsed
-from grasp_factory.curation.repair.recovery import recipe, recovered
+from grasp_factory.curation.repair.recovery import Recipe, recipe, recovered
 from grasp_factory.curation.verify.contents import fingerprint_problems, read_block
 from grasp_factory.curation.verify.partial_store import PartialStore, open_pieces
 from grasp_factory.dataset.row_codec import Row
@@ -113,8 +113,8 @@ class BlockRebuilder:
             return
         remade = []
         simulated = {**recipes, **unknown}
-        for i, spec in simulated.items():
-            row = self._simulated(i, spec, job, report)
+        for i, how in simulated.items():
+            row = self._simulated(i, how, job, report)
             after = checksum(row.contents())
             whole = rows[i]
             if whole and after != checksum(whole.contents()):
@@ -127,12 +127,12 @@ class BlockRebuilder:
         report(replace(came, remade=tuple(remade)))
 
     def _simulated(
-        self, i: int, spec: EpisodeSpec | None, job: BlockJob, report: SendMessage
+        self, i: int, how: Recipe | None, job: BlockJob, report: SendMessage
     ) -> Episode | Quarantined:
-        assert spec
+        assert how
         if i not in job.lost:
             report(Begun(index=i))
-        row = self._maker.make_row(spec, job.lost.get(i, ""))
+        row = self._maker.make_row(how.spec(), job.lost.get(i, ""))
         report(summary_of(row, i))
         return row
 
@@ -140,8 +140,8 @@ class BlockRebuilder:
         self,
         block: int,
         found: Mapping[int, Row],
-        recipes: Mapping[int, EpisodeSpec | None],
-        unknown: Mapping[int, EpisodeSpec | None],
+        recipes: Mapping[int, Recipe | None],
+        unknown: Mapping[int, Recipe | None],
     ) -> Mended:
         """Return what is known of a block before any of its rows is simulated.
 
@@ -158,8 +158,8 @@ class BlockRebuilder:
         is_to_isolate = bool(simulated) and not self._isolated
         return Mended(
             block=block,
-            lost=tuple(i for i, spec in simulated.items() if spec is None),
-            recorded=tuple(i for i, spec in simulated.items() if spec and spec.recording),
+            lost=tuple(i for i, how in simulated.items() if how is None),
+            recorded=tuple(i for i, how in simulated.items() if how and how.is_real),
             is_to_isolate=is_to_isolate and (self._accept or not foreign),
             simulations=len(simulated),
             foreign=foreign,

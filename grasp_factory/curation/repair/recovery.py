@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 from grasp_factory.core import schema
+from grasp_factory.core.config.factory_config import FactoryConfig
 from grasp_factory.core.episode import Episode, EpisodeSpec
 from grasp_factory.curation.verify.contents import is_complete, is_whole, trimmed
 from grasp_factory.curation.verify.invariants import faults
@@ -18,6 +20,26 @@ from grasp_factory.writers.base import Quarantined
 _RECIPE = ("episodes/spec", "episodes/seed", "episodes/index")
 
 
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How to make a row again."""
+
+    config: FactoryConfig
+    index: int
+    """Number of the row among those that are sampled with the config."""
+    stored: EpisodeSpec | None = None
+    """The row's own recipe, if it is the one to follow."""
+
+    @property
+    def is_real(self) -> bool:
+        """Whether the row is a real episode, which cannot be simulated."""
+        return bool(self.stored and self.stored.recording)
+
+    def spec(self) -> EpisodeSpec:
+        """Return the recipe; sampling it takes as long as reading the row."""
+        return self.stored or sample_spec(self.config, self.index)
+
+
 def recovered(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined | None:
     """Return a row as it was written, regardless of its stored status; None if it is lost.
 
@@ -26,7 +48,7 @@ def recovered(row: Row, pieces: PartialStore, i: int) -> Episode | Quarantined |
     return _episode(row, pieces, i) or _quarantined(row, pieces, i)
 
 
-def recipe(row: Row, pieces: PartialStore, i: int) -> EpisodeSpec | None:
+def recipe(row: Row, pieces: PartialStore, i: int) -> Recipe | None:
     """Return the recipe of a row; None if it cannot be recovered.
 
     In a generated store it follows from the row's number. In a merged store, and in one that may
@@ -34,7 +56,7 @@ def recipe(row: Row, pieces: PartialStore, i: int) -> EpisodeSpec | None:
     count only if they match their digests or each other.
     """
     if not pieces.is_collected and pieces.config.capture is None:
-        return sample_spec(pieces.config, i)
+        return Recipe(pieces.config, i)
     sound = _sound(row, pieces)
     seed, index = (int(row.get(path, _NONE)) for path in _RECIPE[1:])
     try:
@@ -42,10 +64,10 @@ def recipe(row: Row, pieces: PartialStore, i: int) -> EpisodeSpec | None:
     except (KeyError, ValueError, RecursionError):
         spec = None
     if spec and ("episodes/spec" in sound or (spec.seed, spec.index) == (seed, index)):
-        return spec
+        return Recipe(pieces.config, spec.index, spec)
     may_be_real = pieces.config.capture is not None
     if {"episodes/seed", "episodes/index"} <= sound and min(seed, index) >= 0 and not may_be_real:
-        return sample_spec(dataclasses.replace(pieces.config, seed=seed), index)
+        return Recipe(dataclasses.replace(pieces.config, seed=seed), index)
     return None
 
 
