@@ -48,7 +48,7 @@ from grasp_factory.core.os_errors import HOW_TO_CONTINUE
 from grasp_factory.core.place import place_at, place_of
 from grasp_factory.core.platforms import FINGERPRINT
 from grasp_factory.curation.merge import split
-from grasp_factory.curation.repair import rebuild, refusals, repair
+from grasp_factory.curation.repair import rebuild, recovery, refusals, repair
 from grasp_factory.curation.repair.refusals import check_losses
 from grasp_factory.curation.verify import verify
 from grasp_factory.curation.verify.partial_store import open_pieces
