@@ -43,14 +43,20 @@ class Limit:
         text = os.environ.get(VARIABLE, "")
         return parse(text).get(self.name, self.usual) if text else self.usual
 
-    def check(self, size: int, where: object) -> None:
+    def check(self, size: int, where: object, *, so_far: bool = False) -> None:
         """Check the size of the thing at a place, a path.
+
+        Args:
+            size: bytes, or a count.
+            where: the path.
+            so_far: whether the thing may be larger than that.
 
         Raises:
             LimitError: if it exceeds the limit.
         """
         if size > self.usual and size > self.most:
             got, most = (f"{n:,}" if self.is_count else size_text(n) for n in (size, self.most))
+            got += " or more" if so_far else ""
             raise LimitError(f"{where}: {self.what} of {got}, valid: up to {most}; {self.advice}")
 
     @property

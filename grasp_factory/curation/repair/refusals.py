@@ -17,14 +17,14 @@ def check_losses(path: Path, lost: int, rows: int) -> None:
 
     Args:
         path: the store.
-        lost: rows that must be simulated.
+        lost: rows of which it is known that they must be simulated.
         rows: all rows.
 
     Raises:
         LimitError: if it does.
     """
-    SIMULATIONS.check(lost, path)
-    LOST.check(lost - (rows - lost), path)
+    SIMULATIONS.check(lost, path, so_far=True)
+    LOST.check(lost - (rows - lost), path, so_far=True)
 
 
 def all_rows_stay(pieces: PartialStore, template: Template) -> str:

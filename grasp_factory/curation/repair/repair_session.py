@@ -248,6 +248,7 @@ class RepairSession:
                     self._put_in_place(template, pieces, message)
             elif message.is_to_isolate:
                 to_isolate[message.block] = message.simulations
+                check_losses(self._path, sum(to_isolate.values()), pieces.rows)
             else:
                 self._put_in_place(template, pieces, message)
 
@@ -257,7 +258,6 @@ class RepairSession:
         jobs = [BlockJob(block=block) for block in blocks]
         reading.run(rebuilder(isolated=False), jobs, *how)
         if to_isolate:
-            check_losses(self._path, sum(to_isolate.values()), pieces.rows)
             simulating = isolation.isolated(min(self._workers, len(to_isolate)))
             jobs = [BlockJob(block=block) for block in to_isolate]
             simulating.run(rebuilder(isolated=True), jobs, *how)
