@@ -8,7 +8,7 @@ import sys
 from collections.abc import Collection
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -32,6 +32,9 @@ from grasp_factory.errors import (
     UsageError,
 )
 from grasp_factory.factory.run_request import Request
+
+if TYPE_CHECKING:
+    from grasp_factory.factory.run_records import Summary
 
 _output = partial(option, heading="Output")
 
@@ -100,16 +103,18 @@ def generate(
         from grasp_factory.cli.run_progress import RunProgress, live_view, make
 
         progress = RunProgress(quiet=quiet)
-        view = live_view(live_port, quiet=quiet) if live else None
+
+        def run(part: Request) -> Summary:
+            return make(part, progress, live_view(live_port, quiet=quiet) if live else None)
+
         if is_remote(request.out):
             from grasp_factory.curation.upload import generate_there
             from grasp_factory.factory.platform_check import check_same_platform
 
-            run = partial(make, progress=progress, view=view)
             tell = partial(_sending, request.out, quiet)
             summary = generate_there(request, run, check_same_platform, tell)
         else:
-            summary = make(request, progress, view)
+            summary = run(request)
     except KeyboardInterrupt as why:
         _stopped(request, progress.made if progress else (), why)
     if as_json:

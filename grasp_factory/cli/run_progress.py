@@ -93,6 +93,7 @@ class RunProgress:
         """Close the bar."""
         if self._bar is not None:
             self._bar.close()
+            self._bar = None
 
 
 def make(request: Request, progress: RunProgress, view: LiveView | None = None) -> Summary:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from support.fake_episodes import make_episode, small_config
 from support.object_server import ObjectServer
@@ -15,7 +16,7 @@ from grasp_factory.core.cache import VARIABLE
 from grasp_factory.core.object_storage import put_once as putting
 from grasp_factory.core.object_storage.address import store_path
 from grasp_factory.core.object_storage.put_once import PROBE
-from grasp_factory.curation.upload import generate_there, remote_run
+from grasp_factory.curation.upload import generate_there, stages
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.errors import AccessRefusedError, StoreMismatchError
 from grasp_factory.factory import block_maker
@@ -42,7 +43,7 @@ def pretend(world: Any, spec: Any) -> Any:
 @pytest.fixture(autouse=True)
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(block_maker, "run_episode", pretend)
-    monkeypatch.setattr(remote_run, "BLOCKS_OF_A_PART", 1)
+    monkeypatch.setattr(stages, "BLOCKS_OF_A_PART", 1)
 
 
 @pytest.fixture
@@ -88,6 +89,12 @@ def objects_of(folder: Path) -> dict[str, bytes]:
 
 def rows_there() -> list[int]:
     return Dataset(ADDRESS).committed.tolist()
+
+
+def waiting(folder: Path) -> list[Path]:
+    """Return what waits in the cache to be sent."""
+    uploads = folder / "cache" / "uploads"
+    return list(uploads.iterdir()) if uploads.is_dir() else []
 
 
 def test_all_parts_are_the_store_of_one_run_in_larger_blocks(
@@ -155,6 +162,72 @@ def test_what_another_machine_has_sent_is_removed_from_the_cache(
     assert list((tmp_path / "cache" / "uploads").iterdir())
     assert make_part(Shard(1, 2)).made == 0
     assert not list((tmp_path / "cache" / "uploads").iterdir())
+
+
+class TestStages:
+    @pytest.fixture(autouse=True)
+    def small(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(stages, "STAGE", 16)
+        monkeypatch.setattr(stages, "LARGEST", 16)
+
+    @pytest.mark.parametrize(("shard", "sizes"), [(Shard(1, 1), [24, 16]), (Shard(2, 2), [24])])
+    def test_of_a_large_part_are_sent_one_by_one(
+        self, server: ObjectServer, tmp_path: Path, shard: Shard, sizes: list[int]
+    ) -> None:
+        before = []
+
+        def watched(request: Request) -> Summary:
+            before.append((len(rows_there()) if before else 0, len(waiting(tmp_path))))
+            return make(request)
+
+        sent: list[int] = []
+        found = generate_there(request_of(shard), watched, check_same_platform, sent.append)
+        assert (sent, before) == (sizes, [(0, 1), (24, 1)][: len(sizes)])
+        assert (found.asked, found.made, found.already_there) == (sum(sizes), sum(sizes), 0)
+        assert not waiting(tmp_path)
+
+    def test_make_the_store_of_one_run(self, server: ObjectServer, tmp_path: Path) -> None:
+        make_part(Shard(0, 1))
+        generate(dataclasses.replace(CONFIG, block_size=16), N, tmp_path / "direct.zarr", workers=1)
+        assert server.objects == objects_of(tmp_path / "direct.zarr")
+
+    def test_that_are_there_are_not_made_on_another_machine(
+        self, server: ObjectServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def dies_later(request: Request) -> Summary:
+            if request.shard.index == 1:
+                raise KeyboardInterrupt
+            return make(request)
+
+        with pytest.raises(KeyboardInterrupt):
+            generate_there(request_of(Shard(0, 1)), dies_later, check_same_platform)
+        assert len(rows_there()) == 24
+        monkeypatch.setenv(VARIABLE, str(tmp_path / "other"))
+        found = make_part(Shard(0, 1))
+        assert (found.asked, found.made, found.already_there) == (N, 16, 24)
+        assert rows_there() == list(range(N))
+
+    def test_end_with_the_first_that_has_too_many_failures(self, server: ObjectServer) -> None:
+        def fails(request: Request) -> Summary:
+            return dataclasses.replace(make(request), failed=True)
+
+        found = generate_there(request_of(Shard(0, 1)), fails, check_same_platform)
+        assert (found.failed, found.asked) == (True, 24)
+        assert all(key.endswith(PROBE) for key in server.objects)
+
+
+@pytest.mark.parametrize("parts", [1, 2, 3, 7, 4000])
+@pytest.mark.parametrize("n", [1, 8192, 16384, 100_003])
+def test_the_stages_of_all_parts_are_all_rows_once(n: int, parts: int) -> None:
+    found = []
+    for index in range(parts) if parts < 10 else (0, 1, parts):
+        asked = dataclasses.replace(request_of(Shard(index, parts)), n=n)
+        rows = [stages.rows_of(stage, 512) for stage in stages.stages_of(asked, 512)]
+        assert sorted(np.concatenate(rows)) == stages.rows_of(asked, 512).tolist()
+        assert len(rows) == 1 or min(map(len, rows)) >= stages.STAGE // 2
+        found += rows
+    if parts < 10:
+        assert sorted(np.concatenate(found)) == list(range(n))
 
 
 def test_more_parts_than_blocks_leave_some_with_nothing_to_do(server: ObjectServer) -> None:

@@ -1,13 +1,11 @@
-"""Making a store in object storage: it is made and packed in the cache first, then sent."""
+"""Making a store in object storage: some of it is made and packed in the cache, then sent."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from grasp_factory.core.cache import cache_dir, digest
 from grasp_factory.core.config.config_difference import first_difference
@@ -21,24 +19,23 @@ from grasp_factory.core.place import place_at
 from grasp_factory.core.serialization import to_plain
 from grasp_factory.core.text_format import count
 from grasp_factory.curation.pack import Packed, pack_part, pack_store
+from grasp_factory.curation.upload.stages import (
+    config_here,
+    joined,
+    largest_block,
+    rows_of,
+    stages_of,
+)
 from grasp_factory.curation.upload.uploading import upload
 from grasp_factory.curation.versions.origin import SUFFIX
 from grasp_factory.dataset.dataset import Dataset
 from grasp_factory.dataset.snapshots.version import rows_sha256
 from grasp_factory.dataset.summary import summarise
-from grasp_factory.errors import ConfigError, StoreMismatchError, UsageError
-from grasp_factory.factory.block_job import shard_rows
+from grasp_factory.errors import StoreMismatchError, UsageError
 from grasp_factory.factory.run_records import Summary
-from grasp_factory.factory.run_request import Request, Shard
-from grasp_factory.writers.zarr.budgets import check_block_size
+from grasp_factory.factory.run_request import Request
 from grasp_factory.writers.zarr.writer import MISSING, QUARANTINED
 
-LARGEST = 512
-"""Most episodes of a block in object storage, where each object costs a request."""
-BLOCKS_OF_A_PART = 4
-"""Least blocks of each part of a store, so that none has a quarter more than another."""
-MADE_BY = 8
-"""Episodes of a block while it is made, if that divides the store's own size."""
 FOLDER = "uploads"
 """Folder of the cache in which stores wait until all of them is sent."""
 _MADE, _PACKED = "made.zarr", "packed.zarr"
@@ -53,12 +50,14 @@ def generate_there(
     """Make the store of a request in object storage, at its ``out``.
 
     Its blocks are made in the cache of this machine, joined to blocks of up to ``LARGEST``
-    episodes, and sent. The same call goes on where one before has ended. Each part of a store
-    (``request.shard``) may be made on another machine: it has every ``count``-th of these blocks.
+    episodes, and sent, about ``STAGE`` episodes at a time, so that the cache needs room for no
+    more. The same call goes on where one before has ended, also on another machine. Each part of a
+    store (``request.shard``) may be made on another machine: it has every ``count``-th of these
+    blocks.
 
     Args:
         request: the request.
-        make: makes the store of a request on this machine.
+        make: makes the store of a request on this machine; called for each stage.
         check_platform: raises for a store that another platform has begun: see ``platform_check``.
         on_send: called with the number of episodes before they are sent.
 
@@ -69,23 +68,43 @@ def generate_there(
     """
     address = _address(request.out)
     there = _there(request, address)
-    size = request.config.block_size
-    config = replace(request.config, block_size=size if size % MADE_BY else MADE_BY)
-    larger = _largest(config, request) if there is None else there.config.block_size
-    scratch = _scratch(address, request.shard, request.n, request.config.sha256(), larger)
+    larger = largest_block(request) if there is None else there.config.block_size
+    stages = stages_of(request, larger)
     if there is not None:
-        if not (there.status[_rows(request, larger)] == MISSING).any():
-            _remove(scratch)
+        is_missing = there.status == MISSING
+        whole = [not is_missing[rows_of(stage, larger)].any() for stage in stages]
+        for stage in compress(stages, whole):
+            _remove(_scratch_of(stage, larger))
+        if all(whole):
             return _finished(request, there)
+        stages = [stage for stage, is_whole in zip(stages, whole, strict=True) if not is_whole]
         check_platform(there, request.config)
     check_puts_once(Objects(address))
+    done: list[Summary] = []
+    for stage in stages:
+        summary = _make_and_send(stage, larger, make, on_send)
+        if summary is None:  # another machine has begun it meanwhile, in blocks of another size
+            return generate_there(request, make, check_platform, on_send)
+        if summary.failed:
+            return summary
+        done.append(summary)
+    return _joined_summary(request, done, Dataset(address))
+
+
+def _make_and_send(
+    request: Request,
+    larger: int,
+    make: Callable[[Request], Summary],
+    on_send: Callable[[int], None],
+) -> Summary | None:
+    """Make a stage of a part and send it; return None if there are blocks of another size."""
+    address, scratch = _address(request.out), _scratch_of(request, larger)
     scratch.mkdir(parents=True, exist_ok=True)
-    part = replace(request, out=scratch / _MADE, config=config, shard=_joined(request, larger))
-    summary = make(part)
+    made, config = scratch / _MADE, config_here(request)
+    summary = make(replace(request, out=made, config=config, shard=joined(request, larger)))
     if summary.failed:
         return summary
     on_send(summary.asked)
-    made = scratch / _MADE
     if larger > config.block_size:
         made = _packed(made, scratch, larger)
     try:
@@ -94,10 +113,10 @@ def generate_there(
         begun = _there(request, address)
         if begun is None or begun.config.block_size == larger:
             raise
-        _remove(scratch)  # another machine has begun it meanwhile, in blocks of another size
-        return generate_there(request, make, check_platform, on_send)
+        _remove(scratch)
+        return None
     _remove(scratch)
-    return replace(summary, store=summarise(Dataset(address)))
+    return summary
 
 
 def pack_there(
@@ -147,35 +166,15 @@ def _scratch(address: RemotePath, *what: object) -> Path:
     return cache_dir() / FOLDER / digest(name.encode())
 
 
+def _scratch_of(request: Request, larger: int) -> Path:
+    """Return the folder of a stage that will have blocks of a size."""
+    what = request.shard, request.n, request.config.sha256(), larger
+    return _scratch(_address(request.out), *what)
+
+
 def _remove(scratch: Path) -> None:
     if scratch.exists():
         place_at(scratch).rmtree()
-
-
-def _joined(request: Request, block_size: int) -> Shard:
-    """Return a request's part, whose blocks will be joined to those of a size."""
-    return replace(request.shard, together=block_size if request.shard.count > 1 else 0)
-
-
-def _rows(request: Request, block_size: int) -> NDArray[np.int64]:
-    """Return the rows of a request's part, in a store with blocks of a size."""
-    return shard_rows(replace(request, shard=_joined(request, block_size)))
-
-
-def _largest(config: FactoryConfig, request: Request) -> int:
-    """Return the largest size of blocks, up to ``LARGEST``, that readers accept.
-
-    With several parts, there must be blocks enough for parts of nearly the same size.
-    """
-    size, parts = config.block_size, request.shard.count
-    most = request.n // (BLOCKS_OF_A_PART * parts) if parts > 1 else LARGEST
-    while size * 2 <= min(LARGEST, most):
-        try:
-            check_block_size(replace(config, block_size=size * 2))
-        except ConfigError:
-            break
-        size *= 2
-    return size
 
 
 def _packed(made: Path, scratch: Path, block_size: int) -> Path:
@@ -228,20 +227,28 @@ def _finished(request: Request, there: Dataset) -> Summary:
     Raises:
         UsageError: if some of it shall be tried again.
     """
-    part = _rows(request, there.config.block_size)
-    rows = part[there.status[part] == QUARANTINED]
-    if request.retry_quarantined and len(rows):
+    summary = _joined_summary(request, [], there)
+    if request.retry_quarantined and summary.quarantined:
+        quarantined = count(len(summary.quarantined), "quarantined episode")
         raise UsageError(
-            f"{there.paths[0]}: {count(len(rows), 'quarantined episode')} cannot be tried again: a"
-            " store in object storage does not change; leave out --retry-quarantined"
+            f"{there.paths[0]}: {quarantined} cannot be tried again: a store in object storage does"
+            " not change; leave out --retry-quarantined"
         )
+    return summary
+
+
+def _joined_summary(request: Request, stages: Sequence[Summary], there: Dataset) -> Summary:
+    """Return the summary of a part that is there, some stages of which this run has sent."""
+    part = rows_of(request, there.config.block_size)
+    rows = part[there.status[part] == QUARANTINED]
     errors = there.column("error")
+    made, seconds = (sum(getattr(stage, name) for stage in stages) for name in ("made", "seconds"))
     return Summary(
         asked=len(part),
-        made=0,
-        already_there=len(part),
-        seconds=0.0,
-        episodes_per_second=None,
+        made=made,
+        already_there=len(part) - made,
+        seconds=round(seconds, 3),
+        episodes_per_second=round(made / seconds, 3) if made else None,
         quarantined={int(row): str(errors[row]) for row in rows},
         failed=len(rows) > request.max_failures * len(part),
         store=summarise(there),

@@ -14,9 +14,16 @@ FAULTS = (
     ),
     Fault(
         "parts-are-not-joined",
-        "curation/upload/remote_run.py",
+        "curation/upload/stages.py",
         "together=block_size if request.shard.count > 1 else 0",
         "together=0",
+        ("curation/test_remote_parts.py",),
+    ),
+    Fault(
+        "stages-leave-blocks-out",
+        "curation/upload/stages.py",
+        "range(first, count, shard.count)",
+        "range(first, count, 2 * shard.count)",
         ("curation/test_remote_parts.py",),
     ),
     Fault(
