@@ -80,6 +80,7 @@ MESH = Limit("triangles", 50_000, "an object's number of triangles", is_count=Tr
 LOG = Limit("log", 8 * 2**20, "a log")
 SNAPSHOT_FILE = Limit("snapshot-file", 16 * 2**20, "a segment of a snapshot")
 SNAPSHOTS = Limit("snapshots", 10_000, "a number of snapshots", is_count=True)
+SNAPSHOT_BYTES = Limit("snapshot-bytes", 24 * 2**20, "snapshots with a size")
 SIGNED = Limit("signed", 128 * 2**20, "a list of signed files")
 DEPTH = Limit("depth", 32, "a depth of folders", is_count=True)
 ROWS = Limit("rows", 1_000_000, "a number of rows", is_count=True)
@@ -135,6 +136,7 @@ LIMITS = {
         LOG,
         SNAPSHOT_FILE,
         SNAPSHOTS,
+        SNAPSHOT_BYTES,
         SIGNED,
         DEPTH,
         ROWS,

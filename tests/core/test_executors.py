@@ -28,9 +28,10 @@ from grasp_factory.core.executors import (
     make_executor,
     process_start,
 )
-from grasp_factory.core.executors.limited import ProcessLimits
+from grasp_factory.core.executors.limited import LimitedExecutor, ProcessLimits
 from grasp_factory.core.executors.team import MOST_UNSTARTED
-from grasp_factory.errors import RecipeError, WorkerError
+from grasp_factory.core.limits import CHUNK, MEMORY, Limit
+from grasp_factory.errors import LimitError, RecipeError, WorkerError
 
 ROOT = TESTS.parent
 pytestmark = pytest.mark.timeout(60)
@@ -340,6 +341,13 @@ def test_ctrl_c_that_another_thread_receives_waits_until_a_worker_has_started() 
         done.append("started")
     assert done == ["started"]
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_job_that_cannot_be_interrupted_ends_soon_after_its_limit_of_time() -> None:
+    cpu = Limit("seconds", 1, "the CPU time of a test", is_count=True)
+    limits = ProcessLimits(what="the test", memory=MEMORY, cpu=cpu, file=CHUNK)
+    with pytest.raises(LimitError, match=r"the test takes more than 1 s; .*--limit seconds=N"):
+        LimitedExecutor(1, limits).run(blocks.queries, [0], lambda message: None)
 
 
 def test_threads_that_start_workers_leave_the_environment_as_it_was() -> None:

@@ -143,6 +143,15 @@ def test_a_forged_origin_is_refused_in_a_line(folder: Path) -> None:
             provenance_of(folder / "merged.zarr")
 
 
+@pytest.mark.parametrize(
+    ("name", "key"), [("grasp_factory.json", "stores"), ("report.json", "store")]
+)
+def test_a_file_that_names_too_many_stores_is_refused(tmp_path: Path, name: str, key: str) -> None:
+    (tmp_path / name).write_text(json.dumps({key: [{}] * 10_001}))
+    with pytest.raises(UsageError, match=r"got 10001, valid: up to 10000"):
+        provenance_of(tmp_path)
+
+
 def test_stores_that_name_each_other_end(tmp_path: Path) -> None:
     a, b = (make_store(tmp_path / f"{name}.zarr") for name in "ab")
     write_origin(a, "merge", [state_of(b), state_of(b)])

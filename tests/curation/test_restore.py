@@ -194,6 +194,20 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
         changed_line(lambda line: line.update(fingerprint="\ud800")),
         "episode 0 is damaged",
     ),
+    "a fingerprint of 100,000 letters": (
+        changed_line(lambda line: line.update(fingerprint="x" * 100_000)),
+        "a text of 100,000 characters, valid: up to 65.5 kB",
+    ),
+    "a policy of 100,000 letters": (
+        changed_line(lambda line: line["columns"].update(policy="x" * 100_000)),
+        "a text of 100,000 characters",
+    ),
+    "a recipe of 100,000 letters": (
+        changed_line(
+            lambda line: line["columns"]["spec"].update(policy_parameters={"x": "x" * 100_000})
+        ),
+        "a text of 102,482 characters",
+    ),
     "an unknown outcome": (
         changed_line(lambda line: line["columns"].update(outcome="victory")),
         "episode 0 is damaged",

@@ -311,6 +311,18 @@ class TestStrangers:
         with pytest.raises(LimitError, match="raise the limit"):
             SnapshotFolder.of(store).history()
 
+    def test_that_are_large_together_are_refused_unread(
+        self, store: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        first = self.taken(store)
+        monkeypatch.setattr(SnapshotFolder, "read", lambda self, name: pytest.fail("read"))
+        for k in range(7):
+            file = first.with_name(f"{k:064x}.json")
+            file.touch()
+            os.truncate(file, 4 * 2**20)
+        with pytest.raises(LimitError, match=r"snapshots with a size of .*, valid: up to 25\.2 MB"):
+            SnapshotFolder.of(store).history()
+
     @pytest.mark.parametrize(
         ("key", "value"),
         [

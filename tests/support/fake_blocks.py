@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sqlite3
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -94,6 +95,13 @@ def first_waits_for_others(block: int, report: Report) -> int:
 def sleeps(block: int, report: Report) -> int:
     report(os.getpid())
     time.sleep(600)
+    return block
+
+
+def queries(block: int, report: Report) -> int:
+    """Ask SQLite for ever: its C code does not return to Python for signals."""
+    endless = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x FROM c) SELECT x FROM c"
+    sqlite3.connect(":memory:").execute(f"{endless} WHERE x = 2").fetchall()
     return block
 
 

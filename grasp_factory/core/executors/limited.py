@@ -34,6 +34,10 @@ from grasp_factory.core.os_errors import NO_THREAD
 from grasp_factory.core.text_format import size_text
 from grasp_factory.errors import LimitError
 
+GRACE_S = 2.0
+"""Processor time beyond a job's limit after which the kernel ends the process, s: a library that
+does not return to Python cannot be interrupted otherwise."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessLimits:
@@ -46,6 +50,11 @@ class ProcessLimits:
     """Processor time of each job, s."""
     file: Limit
     """Bytes of each file that it writes."""
+
+    @property
+    def time_error(self) -> LimitError:
+        """The error of a job that needs more processor time."""
+        return LimitError(f"{self.what} takes more than {self.cpu.most} s; {self.cpu.advice}")
 
 
 SIMULATION = ProcessLimits(what="the simulation", memory=MEMORY, cpu=CPU, file=CHUNK)
@@ -74,8 +83,14 @@ class LimitedExecutor(Executor):
         Raises:
             LimitError: if a job needs more memory or time than the limits allow.
         """
+
+        def lost(job: J, why: str) -> J:
+            if signal.SIGPROF.name in why:
+                raise self.limits.time_error
+            return recover(job, why)
+
         executor = ProcessExecutor(self.workers, check=self.check)
-        return executor.run(Limited(task, self.limits), jobs, report, recover, silence)
+        return executor.run(Limited(task, self.limits), jobs, report, lost, silence)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +104,8 @@ class Limited:
         """Do a job.
 
         Raises:
-            LimitError: if it needs more memory or time.
+            LimitError: if it needs more memory or time. If it cannot be interrupted, the process
+                ends by ``SIGPROF``.
         """
         memory, cpu = self.limits.memory, self.limits.cpu
         _set(resource.RLIMIT_DATA, _used_memory() + memory.most)
@@ -98,6 +114,8 @@ class Limited:
         signal.signal(signal.SIGXCPU, self._stop)
         used = resource.getrusage(resource.RUSAGE_SELF)
         _set(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime) + cpu.most)
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, cpu.most + GRACE_S)
         try:
             return self.task(job, report)
         except (MemoryError, RuntimeError) as error:
@@ -108,11 +126,11 @@ class Limited:
                 f"{self.limits.what} needs more than {most} of memory; {memory.advice}"
             ) from None
         finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
             _set(resource.RLIMIT_CPU, resource.RLIM_INFINITY)
 
     def _stop(self, number: int, frame: FrameType | None) -> NoReturn:
-        cpu = self.limits.cpu
-        raise LimitError(f"{self.limits.what} takes more than {cpu.most} s; {cpu.advice}")
+        raise self.limits.time_error
 
 
 @cache

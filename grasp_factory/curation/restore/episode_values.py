@@ -13,7 +13,9 @@ from grasp_factory.core import schema
 from grasp_factory.core.enums import UNKNOWN
 from grasp_factory.core.episode import Episode
 from grasp_factory.core.field import Field
+from grasp_factory.core.limits import WORD
 from grasp_factory.core.sensors import series_groups
+from grasp_factory.core.text_format import size_text
 from grasp_factory.dataset.plausible import check_plausible
 from grasp_factory.dataset.row_codec import assemble
 from grasp_factory.writers.exporters import ExportFolder
@@ -72,12 +74,14 @@ def _checked(values: NDArray[Any], field: Field, shape: tuple[int, ...]) -> NDAr
 
 
 def check_text(text: str) -> None:
-    """Check that a text can be stored: JSON may have halves of characters.
+    """Check that a text can be stored: JSON may have halves of characters, and long texts.
 
     Raises:
         ValueError: if it cannot.
     """
-    text.encode()
+    if len(text.encode()) > WORD.usual:
+        most = size_text(WORD.usual)
+        raise ValueError(f"a text of {len(text):,} characters, valid: up to {most}")
 
 
 def _array(value: Any, field: Field, shape: tuple[int, ...]) -> NDArray[Any]:

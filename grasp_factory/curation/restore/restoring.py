@@ -179,7 +179,8 @@ class ExportedEpisodeReader:
         try:
             episode = episode_of(line, self._held(place), self.source.folder)
             fingerprint = str(line["fingerprint"])
-            check_text(fingerprint)
+            for text in (fingerprint, episode.spec.to_json()):
+                check_text(text)
             return episode, str(line["checksum"]), fingerprint
         except RefusedFileError:
             raise

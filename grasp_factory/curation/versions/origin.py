@@ -25,7 +25,7 @@ from grasp_factory.writers.zarr.files import locate
 from grasp_factory.writers.zarr.header import read_attributes
 
 SUFFIX = ".origin.json"
-_MOST_SOURCES = 10_000
+MOST_SOURCES = 10_000
 _LONGEST_NAME = 255
 
 
@@ -66,8 +66,8 @@ class Origin:
         check(self.what in valid, "what", self.what, ", ".join(valid))
         check(len(self.grasp_factory) <= _LONGEST_NAME, "grasp_factory", "a long text", "a version")
         check(is_sha256(self.rows_sha256), "rows_sha256", self.rows_sha256, "a SHA-256")
-        most = f"up to {_MOST_SOURCES}"
-        check(len(self.sources) <= _MOST_SOURCES, "sources", len(self.sources), most)
+        most = f"up to {MOST_SOURCES}"
+        check(len(self.sources) <= MOST_SOURCES, "sources", len(self.sources), most)
 
 
 def state_of(path: Path) -> StoreState:

@@ -12,7 +12,14 @@ from grasp_factory.core.json_text import parsed
 from grasp_factory.core.limits import DOCUMENT
 from grasp_factory.core.object_storage.address import is_remote, real_path
 from grasp_factory.core.place import place_at
-from grasp_factory.curation.versions.origin import Origin, StoreState, read_origin, state_of
+from grasp_factory.core.serialization import check
+from grasp_factory.curation.versions.origin import (
+    MOST_SOURCES,
+    Origin,
+    StoreState,
+    read_origin,
+    state_of,
+)
 from grasp_factory.dataset.snapshots.snapshot_folder import SHORT
 from grasp_factory.errors import StoreError, StoreMismatchError, UsageError, shown
 from grasp_factory.writers.exporters.export_record import RECORD
@@ -128,16 +135,25 @@ def _generated(path: Path) -> str:
 
 def _of_export(path: Path) -> ProvenanceNode:
     record = _document(path, RECORD)
-    stores = record.get("stores")
     nodes = [
         ProvenanceNode(text=f"{shown(store.get('name'))}: config {_config_of(store)}")
-        for store in (stores if isinstance(stores, list) else [])
-        if isinstance(store, Mapping)
+        for store in _stores(record.get("stores"), path)
     ]
     head = (
         f"{path}: export as {shown(record.get('format'))}, {shown(record.get('episodes'))} episodes"
     )
     return ProvenanceNode(text=f"{head}, each with its checksum; of", made_of=tuple(nodes))
+
+
+def _stores(named: Any, path: Path) -> list[Mapping[str, Any]]:
+    """Return what a file says of one or more stores.
+
+    Raises:
+        ConfigError: if they are too many.
+    """
+    stores = named if isinstance(named, list) else [named]
+    check(len(stores) <= MOST_SOURCES, f"stores of {path}", len(stores), f"up to {MOST_SOURCES}")
+    return [store for store in stores if isinstance(store, Mapping)]
 
 
 def _config_of(store: Mapping[str, Any]) -> str:
@@ -150,13 +166,11 @@ def _of_training(folder: Path) -> ProvenanceNode:
     report = _document(folder, REPORT)
     nodes = []
     for key in ("store", "test"):
-        named = report.get(key)
-        for store in named if isinstance(named, list) else [named]:
-            if isinstance(store, Mapping):
-                keys = ("config_sha256", "rows_sha256", "snapshot")
-                facts = ", ".join(f"{k.partition('_')[0]} {str(store[k])[:SHORT]}" for k in keys
-                                  if store.get(k))  # fmt: skip
-                nodes.append(ProvenanceNode(text=f"{key} {shown(store.get('path'))}: {facts}"))
+        for store in _stores(report.get(key), folder):
+            keys = ("config_sha256", "rows_sha256", "snapshot")
+            facts = ", ".join(f"{k.partition('_')[0]} {str(store[k])[:SHORT]}" for k in keys
+                              if store.get(k))  # fmt: skip
+            nodes.append(ProvenanceNode(text=f"{key} {shown(store.get('path'))}: {facts}"))
     text = f"{folder}: models of grasp-factory {shown(report.get('grasp_factory'))}, trained on"
     return ProvenanceNode(text=text, made_of=tuple(nodes))
 

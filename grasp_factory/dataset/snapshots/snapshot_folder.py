@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from grasp_factory.core.atomic_file import PARTIAL
-from grasp_factory.core.limits import DOCUMENT, SNAPSHOT_FILE, SNAPSHOTS
+from grasp_factory.core.limits import DOCUMENT, SNAPSHOT_BYTES, SNAPSHOT_FILE, SNAPSHOTS
 from grasp_factory.core.place import Place, fsync_places, place_at
 from grasp_factory.dataset.snapshots.snapshot import Snapshot, snapshot_of
 from grasp_factory.errors import StoreError, UsageError, shown
@@ -108,8 +108,15 @@ class SnapshotFolder:
 
         Raises:
             StoreError: if one is damaged.
+            LimitError: if they are too many, or too large together.
         """
-        every = {name: self.read(name) for name in self.ids()}
+        names = self.ids()
+        try:
+            size = sum((self.place / f"{name}.json").stat().st_size for name in names)
+        except OSError as error:
+            raise StoreError(f"{self.place} cannot be read: {error.strerror}") from None
+        SNAPSHOT_BYTES.check(size, self.place)
+        every = {name: self.read(name) for name in names}
         children = dict.fromkeys(every, 0)
         for snapshot in every.values():
             if snapshot.parent in children:
