@@ -79,8 +79,8 @@ def check_text(text: str) -> None:
     Raises:
         ValueError: if it cannot.
     """
-    if len(text.encode()) > WORD.usual:
-        most = size_text(WORD.usual)
+    if len(text.encode()) > WORD.most:
+        most = size_text(WORD.most)
         raise ValueError(f"a text of {len(text):,} characters, valid: up to {most}")
 
 
