@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from grasp_factory.cli.params import AS_JSON, Command
-from grasp_factory.cli.printing import print_json, say
+from grasp_factory.cli.printing import print_json, say, say_lines
 from grasp_factory.core.optional import require
 from grasp_factory.core.text_format import count, size_text, table
 
@@ -47,7 +47,7 @@ def capture_info(session: Path, *, as_json: bool) -> None:
     if as_json:
         print_json(facts)
     else:
-        say("\n".join(_lines(facts)))
+        say_lines(_lines(facts))
 
 
 @click.command(
@@ -100,7 +100,7 @@ def _lines(facts: SessionFacts) -> Iterator[str]:
         rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:.4g}"
         gap = "-" if topic.longest_gap_s is None else f"{1e3 * topic.longest_gap_s:.1f} ms"
         rows.append((topic.topic, f"{topic.messages:,}", rate, gap, f"{topic.lost:,}"))
-    yield table(rows, range(1, 5))
+    yield from table(rows, range(1, 5)).splitlines()
     for device, number in dropped_samples(facts).items():
         if number:
             yield f"{device}: {count(number, 'sample')} dropped while it recorded"

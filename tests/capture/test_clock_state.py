@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -61,8 +62,12 @@ def test_a_session_says_what_the_kernel_says_of_its_clock(
         recorder.wait(0.1)
     assert recorder.record is not None
     assert recorder.record.clock == KEPT
+    record = tmp_path / "s" / "session.json"
+    told = json.loads(record.read_text()) | {"ended": "Ctrl-C\n0 alarms"}
+    record.write_text(json.dumps(told))
     code, said, _ = run("capture", "info", tmp_path / "s")
     assert code == 0
+    assert said.splitlines()[0].endswith(r"ended by Ctrl-C\n0 alarms")
     kept = (
         "the clock of this machine was kept by PTP or NTP, within 500.000 ms, at most 2000.000 ms"
     )

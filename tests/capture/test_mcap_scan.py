@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 from support.scale import scaled
 
-from grasp_factory.capture.session import mcap_scan
+from grasp_factory.capture.session import mcap_scan, session_reading
 from grasp_factory.capture.session.mcap_scan import MAGIC, McapScan
 from grasp_factory.capture.session.recovery import recover
 from grasp_factory.capture.session.session_reading import missing, read_event, read_session
@@ -160,6 +160,32 @@ def test_far_more_records_than_bytes_are_refused(
     with pytest.raises(LimitError, match="a number of records beyond one in 8 bytes on the disk"):
         read(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["session.mcap"]
+
+
+@pytest.mark.parametrize("opcode", [4, 12], ids=["a channel", "metadata"])
+def test_a_map_of_millions_of_empty_texts_is_not_read(tmp_path: Path, opcode: int) -> None:
+    size = 16 * RECORDS.usual
+    before = struct.pack("<HHII", 1, 1, 0, 0) if opcode == 4 else struct.pack("<I", 0)
+    raw = record(opcode, before + struct.pack("<I", size) + bytes(size))
+    packed = chunk(zstandard.compress(raw), size=len(raw), compression=b"zstd")
+    (tmp_path / "session.mcap").write_bytes(HEAD + packed + record(2, bytes(20)) + MAGIC)
+    with pytest.raises(LimitError, match="a number of records beyond one in 8 bytes on the disk"):
+        read_session(tmp_path)
+
+
+def test_events_are_read_up_to_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session_reading, "MOST_EVENT_BYTES", 200)
+    text = b'{"event": "alarm"}\0'
+    data = bytes([0, 1, 0, 0]) + struct.pack("<I", len(text)) + text
+    names = b"".join(struct.pack("<I", len(n)) + n for n in (b"/events", b"cdr"))
+    kind = b"".join(
+        struct.pack("<I", len(n)) + n for n in (b"std_msgs/msg/String", b"ros2msg", b"string data")
+    )
+    about = record(3, struct.pack("<H", 1) + kind)
+    about += record(4, struct.pack("<HH", 1, 1) + names + struct.pack("<I", 0))
+    message = record(5, struct.pack("<HIQQ", 1, 0, 0, 0) + data)
+    (tmp_path / "session.mcap").write_bytes(HEAD + chunk(about + 20 * message))
+    assert len(read_session(tmp_path).events) == 200 // len(data)
 
 
 def test_chunks_that_expand_to_gigabytes_are_refused(tmp_path: Path) -> None:

@@ -224,6 +224,13 @@ def test_a_noisy_imu_is_told_by_its_calibration(tmp_path: Path) -> None:
     assert other.inspection == found.inspection
 
 
+def test_calibrations_that_are_large_together_are_refused(tmp_path: Path) -> None:
+    files = {f"{k}.yaml": "a: 1\n" + "# much\n" * 20_000 for k in range(2)}
+    folder = SessionMaker(calibration=files).event("start").write(tmp_path / "in")
+    with pytest.raises(CaptureError, match=r"its YAML files have more than 262\.1 kB"):
+        check_session(folder)
+
+
 @pytest.mark.parametrize("value", ["x", "-1", "0", ".nan", "true"])
 def test_a_calibration_that_is_no_noise_is_refused(tmp_path: Path, value: str) -> None:
     text = f"accelerometer_noise_density: {value}\ngyroscope_noise_density: 1\n"

@@ -141,10 +141,16 @@ def test_a_yaml_file_is_read_as_a_mapping(tmp_path: Path) -> None:
         (b"- 1", "expected a mapping of keys, got [1]"),
         (b"a: \xff", "cannot be read: "),
         (b"a: !!python/object/apply:os.getcwd []", "is not valid YAML: "),
-        (b"a: 0x" + b"f" * 50_000, "an integer of 200000 bits, valid: up to 1024"),
+        (b"a: 0x" + b"f" * 300, "an integer of 1200 bits, valid: up to 1024"),
+        (b"a: 0x" + b"f" * 50_000, "an integer of more than 1032 characters"),
+        (b"a: 1" + b":1" * 450_000, "an integer of more than 1032 characters"),
+        (b"a: [" + b"1," * 30_000 + b"}", "more than 20000 values"),
         ("seed: 3 # é".encode() * 100_000, "is no config: it has more than 1000000 bytes"),
     ],
-    ids=["absent", "no YAML", "a list", "no text", "code", "a huge number", "large"],
+    ids=[
+        *("absent", "no YAML", "a list", "no text", "code", "a large number", "a huge number"),
+        *("a huge number in base 60", "many values", "large"),
+    ],
 )
 def test_a_file_that_is_no_config_is_named(
     tmp_path: Path, content: bytes | None, text: str

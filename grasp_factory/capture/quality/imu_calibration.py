@@ -16,34 +16,41 @@ from grasp_factory.core.limits import DOCUMENT
 from grasp_factory.core.place import Place, place_of
 from grasp_factory.core.place_tree import entries
 from grasp_factory.core.serialization import is_number
+from grasp_factory.core.text_format import size_text
 from grasp_factory.errors import CaptureError, ConfigError, shown
 
 _KEYS = ("accelerometer_noise_density", "gyroscope_noise_density")
 _SUFFIXES = (".yaml", ".yml")
+MOST_BYTES = 2**18
+"""Of all YAML files of a session's calibrations together; one has a few kB."""
 
 
 def noise_calibrations(session: Path) -> dict[str, NoiseDensities]:
     """Return the noise of IMUs by topic, from the calibration files of a session.
 
     Raises:
-        CaptureError: if a file is no YAML, or a noise is not above 0.
+        CaptureError: if a file is no YAML, a noise is not above 0, or the files are too large.
         IrregularFileError: if a file is a link.
     """
     folder = place_of(session) / CALIBRATION_FOLDER
     if not folder.is_dir():
         return {}
+    files = [folder / name for name in entries(folder).files if name.endswith(_SUFFIXES)]
     found: dict[str, NoiseDensities] = {}
-    for name in entries(folder).files:
-        if name.endswith(_SUFFIXES):
-            found |= _of_file(folder / name)
+    size = 0
+    for file in files:
+        content = file.read_bytes(DOCUMENT)
+        if len(content) > MAX_BYTES:
+            continue  # it is no calibration
+        size += len(content)
+        if size > MOST_BYTES:
+            raise CaptureError(f"{folder}: its YAML files have more than {size_text(MOST_BYTES)}")
+        found |= _of_file(file, content)
     return found
 
 
-def _of_file(file: Place) -> dict[str, NoiseDensities]:
+def _of_file(file: Place, content: bytes) -> dict[str, NoiseDensities]:
     """Return what a file says: of one IMU, or of several by name (imu0, imu1)."""
-    content = file.read_bytes(DOCUMENT)
-    if len(content) > MAX_BYTES:
-        return {}
     try:
         data = parse_yaml(content.decode("utf-8"), str(file))
     except (ConfigError, UnicodeDecodeError) as error:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from grasp_factory.errors import CaptureError
 from grasp_factory.writers.exporters.rosbag.bag_files import ros2_types
 from grasp_factory.writers.exporters.rosbag.topics import Topic
 
@@ -40,9 +41,15 @@ class ClockTicks:
 
 
 def clock_message(stamp_ns: int) -> bytes:
-    """Return a message with a time, CDR."""
+    """Return a message with a time, CDR.
+
+    Raises:
+        CaptureError: for a time that the type has no room for, after 2038.
+    """
     types = ros2_types()
     second, nanosecond = divmod(stamp_ns, 10**9)
+    if not 0 <= second < 2**31:
+        raise CaptureError(f"a message at {second} s: valid for {CLOCK.name}: 0 to {2**31 - 1} s")
     time = types.types["builtin_interfaces/msg/Time"](sec=second, nanosec=nanosecond)
     message = types.types[CLOCK.kind](clock=time)
     return bytes(types.serialize_cdr(message, CLOCK.kind, little_endian=True))

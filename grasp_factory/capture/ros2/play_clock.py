@@ -6,9 +6,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from grasp_factory.errors import UsageError, shown
+from grasp_factory.errors import CaptureError, UsageError, shown
 
 FASTEST = "max"
+LONGEST_WAIT_S = 30 * 86_400.0
+"""A pause for which nobody waits; a system's sleep has a limit, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,12 +65,19 @@ class PlayClock:
         self._start = 0.0
 
     def wait(self, stamp_ns: int) -> None:
-        """Wait until the message of a stamp is due; the first one is due at once."""
+        """Wait until the message of a stamp is due; the first one is due at once.
+
+        Raises:
+            CaptureError: if that is in more than ``LONGEST_WAIT_S``.
+        """
         if self._first_ns is None:
             self._first_ns, self._start = stamp_ns, self._clock()
         if self._rate is None:
             return
         early = self._start + (stamp_ns - self._first_ns) * 1e-9 / self._rate - self._clock()
+        if early > LONGEST_WAIT_S:
+            days = f"{early / 86_400:,.0f} days"
+            raise CaptureError(f"the next message is due in {days}: publish with --rate max")
         if early > 0:
             self._sleep(early)
         else:

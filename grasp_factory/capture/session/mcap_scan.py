@@ -26,6 +26,8 @@ from grasp_factory.core.regular_file import read_part
 from grasp_factory.errors import CaptureError
 
 MAGIC = b"\x89MCAP0\r\n"
+_LEAST_PAIR = 8
+"""Bytes of a pair of empty texts in a map."""
 MOST_RECORD = 16 * 2**20
 """Bytes of a record that is read whole: a schema, a channel, metadata, a calibration file."""
 MOST_KEPT = 64 * 2**20
@@ -225,6 +227,8 @@ class McapScan:
 
     def _note(self, source: _Bytes, opcode: int, start: int, size: int) -> None:
         """Remember a record that is no message."""
+        if opcode in (Opcode.CHANNEL, Opcode.METADATA):  # the library reads each text of a map
+            self._budget.count(size // _LEAST_PAIR)
         if opcode == Opcode.CHANNEL:
             channel = self._parsed(Channel.read, source, start, size)
             if channel.schema_id not in self.schemas or len(self.channels) >= MOST_CHANNELS:

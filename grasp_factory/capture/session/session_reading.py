@@ -32,6 +32,8 @@ SEQUENCES = 2**32
 LARGEST_EVENT = 64 * 1024
 MOST_EVENTS = 10_000
 """Events that are read; a session has some hundred."""
+MOST_EVENT_BYTES = 8 * 2**20
+"""Of all events that are read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,14 +176,13 @@ def read_session(path: Path) -> SessionFacts:
     folder = session_place(path)
     with open_scan(session_file(folder)) as scan:
         streams: dict[int, _Stream] = {}
-        said: list[Mapping[str, Any]] = []
+        events = _Events()
         for head in scan.messages():
             if head.channel_id not in streams:
                 streams[head.channel_id] = _Stream(scan.channels[head.channel_id])
             streams[head.channel_id].add(head)
-            is_event = streams[head.channel_id].channel.topic == EVENTS
-            if is_event and head.size <= LARGEST_EVENT and len(said) < MOST_EVENTS:
-                said.append(read_event(head.data()))
+            if streams[head.channel_id].channel.topic == EVENTS:
+                events.add(head)
         kinds = {n: scan.schemas[channel.schema_id].name for n, channel in scan.channels.items()}
         topics = tuple(stream.facts(kinds[n]) for n, stream in streams.items())
         return SessionFacts(
@@ -191,9 +192,25 @@ def read_session(path: Path) -> SessionFacts:
             end_ns=max((s.last_ns for s in streams.values()), default=None),
             bytes=scan.size,
             topics=tuple(sorted(topics, key=lambda topic: topic.topic)),
-            events=tuple(said),
+            events=tuple(events.said),
             record=read_record(folder),
         )
+
+
+class _Events:
+    """The events of a session, as far as they are read."""
+
+    def __init__(self) -> None:
+        self.said: list[Mapping[str, Any]] = []
+        self._bytes = 0
+
+    def add(self, head: MessageHead) -> None:
+        """Read an event, unless it is too large or there are too many."""
+        size = self._bytes + head.size
+        is_small = head.size <= LARGEST_EVENT and size <= MOST_EVENT_BYTES
+        if is_small and len(self.said) < MOST_EVENTS:
+            self._bytes = size
+            self.said.append(read_event(head.data()))
 
 
 def read_event(data: bytes) -> Mapping[str, Any]:

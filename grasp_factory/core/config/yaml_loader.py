@@ -21,11 +21,25 @@ MAX_BYTES = 1_000_000
 """Largest size of a config file; without it, reading /dev/zero would never end."""
 MOST_BITS = 1024
 """Of an integer: those of the largest float. Texts of far larger ones cannot be printed."""
+LONGEST_INTEGER = MOST_BITS + 8
+"""Characters of an integer; reading one in base 60, such as 1:30:00, takes quadratic time."""
 _MERGE = "tag:yaml.org,2002:merge"
 
 
 class _Loader(yaml.SafeLoader):
     """PyYAML's safe loader for YAML 1.1, but 1e-3 is a number as in YAML 1.2, not a string."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._values = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Return the next value; raise an error instead of reading too many."""
+        self._values += 1
+        if self._values > MAX_VALUES:
+            raise _too_many()
+        node: yaml.Node | None = super().compose_node(parent, index)
+        return node
 
 
 _Loader.add_implicit_resolver(
@@ -35,7 +49,14 @@ _Loader.add_implicit_resolver(
 )
 
 
+def _too_many() -> yaml.MarkedYAMLError:
+    problem = f"more than {MAX_VALUES} values, counting what its aliases stand for"
+    return yaml.MarkedYAMLError(problem=problem)
+
+
 def _integer(loader: _Loader, node: yaml.ScalarNode) -> int:
+    if len(node.value) > LONGEST_INTEGER:
+        raise ValueError(f"an integer of more than {LONGEST_INTEGER} characters")
     found: int = loader.construct_yaml_int(node)
     if found.bit_length() > MOST_BITS:
         raise ValueError(f"an integer of {found.bit_length()} bits, valid: up to {MOST_BITS}")
@@ -144,8 +165,7 @@ def _check(root: yaml.Node) -> None:
         return known[id(node)]
 
     if measure(root, 0)[0] > MAX_VALUES:
-        problem = f"more than {MAX_VALUES} values, counting what its aliases stand for"
-        raise yaml.MarkedYAMLError(problem=problem)
+        raise _too_many()
 
 
 def _children(node: yaml.Node) -> Iterator[yaml.Node]:

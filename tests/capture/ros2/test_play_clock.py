@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp_factory.capture.ros2.clock_topic import ClockTicks
+from grasp_factory.capture.ros2.clock_topic import ClockTicks, clock_message
 from grasp_factory.capture.ros2.play_clock import PlayClock, PlayRate
-from grasp_factory.errors import UsageError
+from grasp_factory.errors import CaptureError, UsageError
 
 
 class FakeClock:
@@ -53,6 +53,22 @@ def test_what_is_sent_late_is_noted_and_does_not_delay_the_rest() -> None:
     times, latest = sent_at([0, 10**8, 2 * 10**8, 10**9], "1", work_s=0.25)
     assert times == pytest.approx([0.0, 0.25, 0.5, 1.0])
     assert latest == pytest.approx(0.3)
+
+
+def test_a_message_that_is_due_in_years_is_refused() -> None:
+    clock = PlayClock(
+        PlayRate(factor=1e-3), clock=lambda: 0.0, sleep=lambda s: pytest.fail("slept")
+    )
+    clock.wait(1)
+    with pytest.raises(CaptureError, match=r"due in .* days: publish with --rate max"):
+        clock.wait(2**63 - 1)
+
+
+@pytest.mark.parametrize("stamp_ns", [-1, 2**31 * 10**9, 2**63 - 1])
+def test_a_time_that_the_clocks_type_has_no_room_for_is_refused(stamp_ns: int) -> None:
+    with pytest.raises(CaptureError, match="valid for /clock: 0 to 2147483647 s"):
+        clock_message(stamp_ns)
+    assert clock_message((2**31 - 1) * 10**9 + 999_999_999)
 
 
 def test_times_of_the_clock_come_every_10_ms_from_the_first_message_on() -> None:
